@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Sequence
-from itertools import takewhile
 from typing import Any
 
 import griffe
 
-TO_TOOLS = ("type: ignore", "noqa", "pragma")
+from fmd.scene.field_comments import comments_of_fields
 
 
 class FieldComments(griffe.Extension):
@@ -23,28 +21,3 @@ class FieldComments(griffe.Extension):
                 if text and not is_shared and isinstance(attribute, griffe.Attribute) and not attribute.docstring:
                     sentence = text[:1].upper() + text[1:]
                     attribute.docstring = griffe.Docstring(sentence, lineno=field.lineno, parent=attribute)
-
-
-def comments_of_fields(node: ast.ClassDef, lines: Sequence[str]) -> Iterator[tuple[Any, str, bool]]:
-    """Yield the annotated fields of a class, their comments, and whether the next field shares that.
-
-    It does if it is of the same type and has none: then the text is neither's alone.
-    """
-    fields = [field for field in node.body if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)]
-    texts = [_comment(field, lines) for field in fields]
-    described = [text or _has_docstring(node, field) for field, text in zip(fields, texts, strict=True)]
-    for k, (field, text) in enumerate(zip(fields, texts, strict=True)):
-        after = fields[k + 1 : k + 2]
-        alike = any(ast.unparse(each.annotation) == ast.unparse(field.annotation) for each in after)
-        yield field, text, bool(text) and alike and not described[k + 1]
-
-
-def _has_docstring(node: ast.ClassDef, field: ast.AnnAssign) -> bool:
-    return any(isinstance(after, ast.Expr) for after in node.body[node.body.index(field) + 1 :][:1])
-
-
-def _comment(field: ast.AnnAssign, lines: Sequence[str]) -> str:
-    _, *beside = lines[(field.end_lineno or 0) - 1].split("  # ")
-    above = takewhile(lambda line: line.startswith("# "), (x.strip() for x in lines[field.lineno - 2 :: -1]))
-    told = [text for text in beside if not text.startswith(TO_TOOLS)]
-    return " ".join(told or [line[2:] for line in [*above][::-1]])

@@ -177,24 +177,26 @@ class Sizes:
 
 
 def test_fields_of_data_classes_have_comments_of_their_own_and_no_entries_in_docstrings() -> None:
-    """But for tables of kernels, whose arrays may share one, and for those of scenes, whose reference has entries."""
+    """Arrays of kernels' tables and keys of scenes may share one."""
     pytest.importorskip("griffe")
-    from docs.field_comments import comments_of_fields
+    from fmd.scene.field_comments import comments_of_fields
 
     sources = {path: path.read_text(encoding="utf-8") for path in (ROOT / "pipeline").rglob("*.py")}
-    trees = {path: ast.parse(source) for path, source in sources.items() if "@dataclass" in source}
+    trees = {
+        path: ast.parse(source) for path, source in sources.items() if "@dataclass" in source or "SceneTable" in source
+    }
     classes = [(path, node) for path, tree in trees.items() for node in tree.body if isinstance(node, ast.ClassDef)]
     tables = {"Table", "SceneTable"}
     for _ in range(4):
         tables |= {node.name for _, node in classes if tables & {ast.unparse(base) for base in node.bases}}
     wrong = []
     for path, node in classes:
-        if node.name not in tables:
-            entries = re.findall(r"^(\w+(?:, \w+)*) : ", ast.get_docstring(node) or "", re.MULTILINE)
-            said = {name for entry in entries for name in entry.split(", ")}
-            for field, text, is_shared in comments_of_fields(node, sources[path].splitlines()):
-                if is_shared or (field.target.id in said and _is_data_class(node)):
-                    wrong.append(f"{path.name}: {node.name}.{field.target.id}: {text}")
+        entries = re.findall(r"^(\w+(?:, \w+)*) : ", ast.get_docstring(node) or "", re.MULTILINE)
+        said = {name for entry in entries for name in entry.split(", ")}
+        is_table = node.name in tables
+        for field, text, is_shared in comments_of_fields(node, sources[path].splitlines()):
+            if (is_shared and not is_table) or (field.target.id in said and (is_table or _is_data_class(node))):
+                wrong.append(f"{path.name}: {node.name}.{field.target.id}: {text}")
     assert wrong == []
 
 

@@ -104,7 +104,7 @@ def _write_row(table: type[SceneTable], name: str, field: FieldInfo, kind: str, 
     value = _LINKED.get((table, name), words.text)
     meaning = read_meanings(table).get(name) or (kind if name in ("shape", "type", "integrator") else "")
     if not meaning:
-        raise ValueError(f"{table.__name__} doesn't say in its docstring what {name} means")
+        raise ValueError(f"{table.__name__} doesn't say in a comment what {name} means")
     meaning = meaning.replace(f" [{words.unit.replace('^2', '²').replace('^3', '³')}]", "")
     default = _write_default(field, words.unit)
     if is_kind(name, field):

@@ -68,7 +68,7 @@ from fmd.scene.stress_outputs import ContactPressure, Envelope, Fatigue, MeanStr
 from fmd.scene.visuals import BoxVisual, CylinderVisual, FileVisual, RodVisual, VisualSettings
 
 INTRODUCTION = """\
-<!-- Written by `python -m docs.scene_reference > docs/scene.md` from the docstrings in pipeline/fmd/scene. -->
+<!-- Written by `python -m docs.scene_reference > docs/scene.md` from docstrings and comments in pipeline/fmd/scene. -->
 
 # The scene file
 

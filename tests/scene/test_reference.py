@@ -55,11 +55,11 @@ def test_every_key_of_every_table_has_a_row_with_a_meaning():
 
 def test_a_key_without_a_meaning_is_an_error():
     class Undescribed(Revolute):
-        """A joint with a key that its docstring leaves out."""
+        """A joint with a key without a comment."""
 
         backlash: Length = 0.0
 
-    with pytest.raises(ValueError, match="Undescribed doesn't say in its docstring what backlash means"):
+    with pytest.raises(ValueError, match="Undescribed doesn't say in a comment what backlash means"):
         list(describe_table(Undescribed, "", {}))
 
 

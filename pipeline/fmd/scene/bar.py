@@ -14,19 +14,6 @@ from fmd.scene.values import Count, Order
 class BarMesh(DividedMesh):
     """Division of a bar into elements: hexahedra by their numbers, tetrahedra by their size.
 
-    Parameters
-    ----------
-    element : str
-        Shape of the elements.
-    order : int
-        Polynomial order of the displacement in an element; linear tetrahedra are too stiff in bending.
-    divisions : tuple of int, optional
-        Numbers of hexahedra along x, y and z; required for hexahedra.
-    size : float, optional
-        Edge length of a tetrahedron [m]; required for tetrahedra.
-    made_at : tuple of float, optional
-        Length, depth and width [m] of the bar whose tetrahedra are stretched to these; by default those of the bar.
-
     Examples
     --------
     ::
@@ -36,10 +23,12 @@ class BarMesh(DividedMesh):
         divisions = [30, 3, 1]
     """
 
-    element: Literal["hexahedron", "tetrahedron"] = "hexahedron"
-    order: Order = 2
+    element: Literal["hexahedron", "tetrahedron"] = "hexahedron"  # Shape of the elements.
+    order: Order = 2  # Polynomial order of the displacement in an element; linear tetrahedra are too stiff in bending.
+    # Numbers of hexahedra along x, y and z; required for hexahedra.
     divisions: tuple[Count, Count, Count] | None = None
-    size: PositiveLength | None = None
+    size: PositiveLength | None = None  # Edge length of a tetrahedron [m]; required for tetrahedra.
+    # Length, depth and width [m] of the bar whose tetrahedra are stretched to these; by default those of the bar.
     made_at: tuple[PositiveLength, PositiveLength, PositiveLength] | None = None
 
     def _check(self) -> None:
@@ -62,17 +51,6 @@ class Bar(Solid):
 
     Its faces are ``x-`` (where x is least), ``x+``, ``y-``, ``y+``, ``z-`` and ``z+``; its one part is ``bar``.
 
-    Parameters
-    ----------
-    length : float
-        Extent along x [m].
-    depth : float
-        Extent along y [m].
-    width : float
-        Extent along z [m].
-    mesh : BarMesh
-        Division into elements.
-
     Examples
     --------
     ::
@@ -91,10 +69,10 @@ class Bar(Solid):
     """
 
     shape: Literal["bar"]
-    length: PositiveLength
-    depth: PositiveLength
-    width: PositiveLength
-    mesh: BarMesh
+    length: PositiveLength  # Extent along x [m].
+    depth: PositiveLength  # Extent along y [m].
+    width: PositiveLength  # Extent along z [m].
+    mesh: BarMesh  # Division into elements.
 
     @property
     def faces(self) -> tuple[str, ...]:

@@ -21,14 +21,6 @@ _ENDS = ("x-", "x+")
 class BeamMesh(SceneTable):
     """Division of a shaft or profile into beams.
 
-    Parameters
-    ----------
-    size : float, optional
-        Largest length of a beam [m].
-    divisions : tuple of int, optional
-        In place of ``size``: number of beams between each two neighbours among the ends, the ends of segments and the
-        stations.
-
     Examples
     --------
     ::
@@ -39,7 +31,9 @@ class BeamMesh(SceneTable):
 
     order: ClassVar[int] = 1
 
-    size: PositiveLength | None = None
+    size: PositiveLength | None = None  # Largest length of a beam [m].
+    # In place of ``size``: number of beams between each two neighbours among the ends, the ends of segments and the
+    # stations.
     divisions: Annotated[tuple[Count, ...], Field(min_length=1)] | None = None
 
     def _check(self) -> None:
@@ -50,17 +44,10 @@ class BeamMesh(SceneTable):
 
 
 class MeshedBeam(Solid):
-    """Keys of bodies that are beams in a line.
+    """Keys of bodies that are beams in a line."""
 
-    Parameters
-    ----------
-    mesh : BeamMesh
-        Division into elements.
-    station : dict of str to float
-        Distances from the start [m] at which there is a section that markers and links may name as their ``face``.
-    """
-
-    mesh: BeamMesh
+    mesh: BeamMesh  # Division into elements.
+    # Distances from the start [m] at which there is a section that markers and links may name as their ``face``.
     station: dict[Name, PositiveLength] = Field(default_factory=dict)
 
     @property
@@ -141,15 +128,6 @@ class MeshedBeam(Solid):
 class ShaftSegment(SceneTable):
     """A piece of a shaft of one diameter.
 
-    Parameters
-    ----------
-    length : float
-        Extent along x [m].
-    diameter : float
-        Outer diameter [m].
-    bore : float, optional
-        Diameter of the hole along it [m].
-
     Examples
     --------
     ::
@@ -160,9 +138,9 @@ class ShaftSegment(SceneTable):
         bore = "20 mm"
     """
 
-    length: PositiveLength
-    diameter: PositiveLength
-    bore: PositiveLength | None = None
+    length: PositiveLength  # Extent along x [m].
+    diameter: PositiveLength  # Outer diameter [m].
+    bore: PositiveLength | None = None  # Diameter of the hole along it [m].
 
     def _check(self) -> None:
         if self.bore is not None and not self.bore < self.diameter:
@@ -173,11 +151,6 @@ class Shaft(MeshedBeam):
     """A stepped round shaft of Timoshenko beams, along x from 0.
 
     Its faces are ``x-`` (where x is least), ``x+`` and its stations; its parts are ``segment-1``, ``segment-2`` …
-
-    Parameters
-    ----------
-    segment : tuple of ShaftSegment
-        Its pieces, one behind the other.
 
     Examples
     --------
@@ -201,6 +174,7 @@ class Shaft(MeshedBeam):
     """
 
     shape: Literal["shaft"]
+    # Its pieces, one behind the other.
     segment: Annotated[tuple[ShaftSegment, ...], Field(min_length=1, max_length=1000)]
 
     @property
@@ -222,13 +196,6 @@ class Shaft(MeshedBeam):
 class Rectangle(SceneTable):
     """A rectangular section.
 
-    Parameters
-    ----------
-    type : str
-        Kind of section.
-    width, height : float
-        Extents along y and z [m].
-
     Examples
     --------
     ::
@@ -239,22 +206,14 @@ class Rectangle(SceneTable):
         height = "30 mm"
     """
 
-    type: Literal["rectangle"]
+    type: Literal["rectangle"]  # Kind of section.
+    # Extents along y and z [m].
     width: PositiveLength
     height: PositiveLength
 
 
 class Box(SceneTable):
     """A rectangular tube as a section.
-
-    Parameters
-    ----------
-    type : str
-        Kind of section.
-    width, height : float
-        Outer extents along y and z [m].
-    wall : float
-        Thickness of the walls [m].
 
     Examples
     --------
@@ -267,10 +226,11 @@ class Box(SceneTable):
         wall = "4 mm"
     """
 
-    type: Literal["box"]
+    type: Literal["box"]  # Kind of section.
+    # Outer extents along y and z [m].
     width: PositiveLength
     height: PositiveLength
-    wall: PositiveLength
+    wall: PositiveLength  # Thickness of the walls [m].
 
     def _check(self) -> None:
         if not 2 * self.wall < min(self.width, self.height):
@@ -279,15 +239,6 @@ class Box(SceneTable):
 
 class ISection(SceneTable):
     """An I-section, its web along z.
-
-    Parameters
-    ----------
-    type : str
-        Kind of section.
-    width, height : float
-        Extents along y and z [m].
-    web, flange : float
-        Thicknesses [m].
 
     Examples
     --------
@@ -301,9 +252,11 @@ class ISection(SceneTable):
         flange = "5 mm"
     """
 
-    type: Literal["I"]
+    type: Literal["I"]  # Kind of section.
+    # Extents along y and z [m].
     width: PositiveLength
     height: PositiveLength
+    # Thicknesses [m].
     web: PositiveLength
     flange: PositiveLength
 
@@ -319,13 +272,6 @@ class Profile(MeshedBeam):
 
     Its faces are ``x-`` (where x is least), ``x+`` and its stations; its one part is ``profile``. Warping of the
     section is free: an I or a box that is clamped where it is twisted is stiffer.
-
-    Parameters
-    ----------
-    length : float
-        Extent along x [m].
-    section : Rectangle or Box or ISection
-        Its section, by ``type``.
 
     Examples
     --------
@@ -344,8 +290,8 @@ class Profile(MeshedBeam):
     """
 
     shape: Literal["profile"]
-    length: PositiveLength
-    section: Annotated[Rectangle | Box | ISection, KindBy("type")]
+    length: PositiveLength  # Extent along x [m].
+    section: Annotated[Rectangle | Box | ISection, KindBy("type")]  # Its section, by ``type``.
 
     @property
     def section_tables(self) -> tuple[Rectangle | Box | ISection]:

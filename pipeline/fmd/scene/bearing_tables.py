@@ -18,14 +18,6 @@ class BearingTable(FormulaVariable):
     The shaft's speed is its rate of rotation against the housing. Before and after the table its first and its last
     value hold.
 
-    Parameters
-    ----------
-    over : str
-        ``"speed"``, or ``"whirl"``, the frequency at which the shaft's centre goes round, which linear answers of
-        rotors alone have.
-    argument_unit : str
-        Unit of the arguments, e.g. ``"rpm"``, of whirl too.
-
     Examples
     --------
     ::
@@ -41,8 +33,10 @@ class BearingTable(FormulaVariable):
     kind: ClassVar[str]
     lowest: ClassVar[str]
 
+    # ``"speed"``, or ``"whirl"``, the frequency at which the shaft's centre goes round, which linear answers of rotors
+    # alone have.
     over: Literal["speed", "whirl"] = "speed"
-    argument_unit: str = "rad/s"
+    argument_unit: str = "rad/s"  # Unit of the arguments, e.g. ``"rpm"``, of whirl too.
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:

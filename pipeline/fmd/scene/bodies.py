@@ -73,51 +73,28 @@ def scale_count(count: int, factor: float) -> int:
 
 
 class Solid(Deformable):
-    """Keys of every flexible body that has a mesh, whatever its shape.
-
-    Parameters
-    ----------
-    E : float
-        Young's modulus [Pa].
-    nu : float
-        Poisson's ratio.
-    rho : float
-        Density [kg/m³].
-    modes : ModeSettings
-        Modes that describe the deformation.
-    marker : dict of str to MarkerPlace
-        Places for joints, loads and results, by name.
-    support : tuple of Support
-        Nodes that can't move in the body's frame.
-    element : dict of str to NamedElement
-        Elements whose stress is wanted over time, by name.
-    link : dict of str to FaceLink
-        Reference points that faces are linked to, by name.
-    mass : dict of str to MassOnLink
-        Rigid bodies on links, by name.
-    pieces : int or str
-        Number of pieces that the body is cut into for large deflections. Each has a frame of its own, ``modes.count``
-        modes fixed at its cuts, and static deflections by these. ``"auto"`` doubles it until deflections within the
-        pieces are small enough for the scene's accuracy, or 1 % without one.
-    sections : str
-        How pieces are welded at a cut: by the motion on which the tractions of the part's own static deflections do
-        work (``"tractions"``), which leaves its flexibility as it is, by six motions more, on which tractions of its
-        lowest modes do work (``"warping"``), where walls are thin, by the section's mean motion (``"averaged"``), too
-        soft in torsion and shear, or as a rigid section (``"rigid"``), which also holds its contraction and warping.
-    """
+    """Keys of every flexible body that has a mesh, whatever its shape."""
 
     deck_may_have_links: ClassVar[bool] = False
 
-    E: PositiveStress
-    nu: Poisson
-    rho: PositiveDensity
-    modes: ModeSettings
-    marker: dict[Name, MarkerPlace] = Field(default_factory=dict)
-    support: tuple[Support, ...] = ()
+    E: PositiveStress  # Young's modulus [Pa].
+    nu: Poisson  # Poisson's ratio.
+    rho: PositiveDensity  # Density [kg/m³].
+    modes: ModeSettings  # Modes that describe the deformation.
+    marker: dict[Name, MarkerPlace] = Field(default_factory=dict)  # Places for joints, loads and results, by name.
+    support: tuple[Support, ...] = ()  # Nodes that can't move in the body's frame.
+    # Elements whose stress is wanted over time, by name.
     element: dict[Name, NamedElement] = Field(default_factory=dict)
-    link: dict[Name, FaceLink] = Field(default_factory=dict)
-    mass: dict[Name, MassOnLink] = Field(default_factory=dict)
+    link: dict[Name, FaceLink] = Field(default_factory=dict)  # Reference points that faces are linked to, by name.
+    mass: dict[Name, MassOnLink] = Field(default_factory=dict)  # Rigid bodies on links, by name.
+    # Number of pieces that the body is cut into for large deflections. Each has a frame of its own, ``modes.count``
+    # modes fixed at its cuts, and static deflections by these. ``"auto"`` doubles it until deflections within the
+    # pieces are small enough for the scene's accuracy, or 1 % without one.
     pieces: Pieces = 1
+    # How pieces are welded at a cut: by the motion on which the tractions of the part's own static deflections do work
+    # (``"tractions"``), which leaves its flexibility as it is, by six motions more, on which tractions of its lowest
+    # modes do work (``"warping"``), where walls are thin, by the section's mean motion (``"averaged"``), too soft in
+    # torsion and shear, or as a rigid section (``"rigid"``), which also holds its contraction and warping.
     sections: Literal["tractions", "warping", "averaged", "rigid"] = "tractions"
 
     @property
@@ -208,15 +185,10 @@ def require_interface(body: Any) -> None:
 
 
 class DividedMesh(SceneTable):
-    """Keys of meshes that may have hexahedra.
+    """Keys of meshes that may have hexahedra."""
 
-    Parameters
-    ----------
-    formulation : str
-        Strain of linear hexahedra: enhanced by terms that let them bend (``"enhanced"``), or that of the displacement
-        alone (``"plain"``), which is too stiff in bending.
-    """
-
+    # Strain of linear hexahedra: enhanced by terms that let them bend (``"enhanced"``), or that of the displacement
+    # alone (``"plain"``), which is too stiff in bending.
     formulation: Formulation = "enhanced"
 
     def _check(self) -> None:

@@ -13,15 +13,6 @@ from fmd.scene.values import JointName, Number
 class Gear(SceneTable):
     """A gear pair: one hinge's angle is a multiple of another's, ``angle = ratio · angle of driver + offset``.
 
-    Parameters
-    ----------
-    joint, driver : str
-        Revolute joints that carry bodies.
-    ratio : float
-        Angle of the first for an angle of 1 rad of the driver; below 0 for wheels that mesh outside.
-    offset : float
-        Angle of the first where the driver's is 0 [rad].
-
     Examples
     --------
     ::
@@ -37,10 +28,11 @@ class Gear(SceneTable):
     """Keys of the joint that follows and of the one that leads, with the units of their coordinates."""
 
     type: Literal["gear"]
+    # Revolute joints that carry bodies.
     joint: JointName
     driver: JointName
-    ratio: Number
-    offset: Angle = 0.0
+    ratio: Number  # Angle of the first for an angle of 1 rad of the driver; below 0 for wheels that mesh outside.
+    offset: Angle = 0.0  # Angle of the first where the driver's is 0 [rad].
 
     @property
     def multiple(self) -> float:
@@ -50,15 +42,6 @@ class Gear(SceneTable):
 
 class Slides(SceneTable):
     """Slides that move together, as jaws of a gripper: ``position = ratio · position of driver + offset``.
-
-    Parameters
-    ----------
-    joint, driver : str
-        Prismatic joints that carry bodies.
-    ratio : float
-        Displacement of the first for a displacement of 1 m of the driver; below 0 against its own axis.
-    offset : float
-        Displacement of the first where the driver's is 0 [m].
 
     Examples
     --------
@@ -75,10 +58,11 @@ class Slides(SceneTable):
     """Keys of the joint that follows and of the one that leads, with the units of their coordinates."""
 
     type: Literal["slides"]
+    # Prismatic joints that carry bodies.
     joint: JointName
     driver: JointName
-    ratio: Number
-    offset: Length = 0.0
+    ratio: Number  # Displacement of the first for a displacement of 1 m of the driver; below 0 against its own axis.
+    offset: Length = 0.0  # Displacement of the first where the driver's is 0 [m].
 
     @property
     def multiple(self) -> float:
@@ -88,17 +72,6 @@ class Slides(SceneTable):
 
 class Rack(SceneTable):
     """A rack and pinion: a slide's displacement follows a hinge's angle, ``position = radius · angle + offset``.
-
-    Parameters
-    ----------
-    rack : str
-        Prismatic joint that carries a body.
-    pinion : str
-        Revolute joint that carries a body.
-    radius : float
-        Displacement for an angle of 1 rad; below 0 against the slide's axis [m].
-    offset : float
-        Displacement where the angle is 0 [m].
 
     Examples
     --------
@@ -115,10 +88,10 @@ class Rack(SceneTable):
     """Keys of the joint that follows and of the one that leads, with the units of their coordinates."""
 
     type: Literal["rack"]
-    rack: JointName
-    pinion: JointName
-    radius: Length
-    offset: Length = 0.0
+    rack: JointName  # Prismatic joint that carries a body.
+    pinion: JointName  # Revolute joint that carries a body.
+    radius: Length  # Displacement for an angle of 1 rad; below 0 against the slide's axis [m].
+    offset: Length = 0.0  # Displacement where the angle is 0 [m].
 
     @property
     def multiple(self) -> float:

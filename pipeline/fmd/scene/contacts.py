@@ -22,35 +22,6 @@ class Contact(SceneTable):
     body touches with one of its surfaces, a ball, a box, a pin, a bore or triangles of a file, whose flexibility is a
     half-space's.
 
-    Parameters
-    ----------
-    between : tuple of str
-        The ground or a place on it, where the plane is, and a marker on the face or a surface of a rigid body; or two
-        of these, of two bodies.
-    normal : tuple of float
-        Direction out of the ground, in the axes of the place; its length doesn't count.
-    friction : float
-        Coefficient of friction.
-    clearance : float
-        What the gap is wider than drawn [m]; of an interference fit it is negative.
-    damping : float
-        Time β of the damping of the flexibility that modes leave out [s]: a deflection w takes the force of
-        ``w + β ẇ``. Contacts with a body in common have the same. It shortens the longest step.
-    restitution : float
-        Of two rigid bodies, or one and a plane, the speed after a shock over that before, if nothing else holds them.
-    wear : float
-        Coefficient of wear over hardness, k/H [1/Pa]: each of both faces loses the depth ``k/H ∫ p |v| dt`` by pressure
-        and slip (Archard). The shape stays as it is. Of two materials, scale the result to the other's coefficient.
-    near_field : str
-        What gives the flexibility near a contact with a plane: the ``"mesh"``, or, on a sphere, a cylinder, a cone or
-        an ellipsoid, a ``"half-space"`` with a fine grid where the face is lowest at the start. ``"auto"`` takes this
-        where elements are larger than half the contact.
-    points : int
-        About how many points the grid has.
-    width : float
-        Width of the grid [m], more than the contact's; by default that of the contact by twice the weight, or by a
-        shock with the energy of the start, and 30 % more.
-
     Examples
     --------
     ::
@@ -64,15 +35,27 @@ class Contact(SceneTable):
         between = ["block.top", "rod.end"]
     """
 
+    # The ground or a place on it, where the plane is, and a marker on the face or a surface of a rigid body; or two of
+    # these, of two bodies.
     between: tuple[PlaceName, PlaceName]
-    normal: Axis | None = None
-    friction: Annotated[Number, Field(ge=0.0, le=10.0)] = 0.0
-    clearance: Length = 0.0
+    normal: Axis | None = None  # Direction out of the ground, in the axes of the place; its length doesn't count.
+    friction: Annotated[Number, Field(ge=0.0, le=10.0)] = 0.0  # Coefficient of friction.
+    clearance: Length = 0.0  # What the gap is wider than drawn [m]; of an interference fit it is negative.
+    # Time β of the damping of the flexibility that modes leave out [s]: a deflection w takes the force of ``w + β ẇ``.
+    # Contacts with a body in common have the same. It shortens the longest step.
     damping: NonNegativeTime = 0.0
+    # Coefficient of wear over hardness, k/H [1/Pa]: each of both faces loses the depth ``k/H ∫ p |v| dt`` by pressure
+    # and slip (Archard). The shape stays as it is. Of two materials, scale the result to the other's coefficient.
     wear: NonNegativeCompliance = 0.0
+    # Of two rigid bodies, or one and a plane, the speed after a shock over that before, if nothing else holds them.
     restitution: Annotated[Number, Field(ge=LEAST_RESTITUTION, le=1.0)] = 1.0
+    # What gives the flexibility near a contact with a plane: the ``"mesh"``, or, on a sphere, a cylinder, a cone or an
+    # ellipsoid, a ``"half-space"`` with a fine grid where the face is lowest at the start. ``"auto"`` takes this where
+    # elements are larger than half the contact.
     near_field: Literal["auto", "mesh", "half-space"] = "auto"
-    points: Annotated[int, Field(ge=50, le=1000)] = 400
+    points: Annotated[int, Field(ge=50, le=1000)] = 400  # About how many points the grid has.
+    # Width of the grid [m], more than the contact's; by default that of the contact by twice the weight, or by a shock
+    # with the energy of the start, and 30 % more.
     width: PositiveLength | None = None
 
     @field_validator("between", mode="before")

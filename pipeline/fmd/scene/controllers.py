@@ -44,27 +44,6 @@ class PidController(Controller):
     integral back, in the time ``tracking_time`` (Åström & Hägglund, Advanced PID Control, 2006, section 3.5). With a
     sample time it measures at times 0, T, 2 T … and holds its output in between.
 
-    Parameters
-    ----------
-    error : str
-        Formula of the error, in SI units: ``"ref(t) - hinge.angle"``.
-    error_rate : str, optional
-        Formula of its rate, where that is measured: ``"ref.rate - hinge.rate"``.
-    variables : dict
-        Variables of the formulas, as those of a drive's.
-    proportional, integral, derivative : float
-        Gains in SI units of the output for those of the error, of its integral and of its rate.
-    filter : float, optional
-        Time constant of the filter behind the derivative where the error's rate isn't given [s]. A sampled controller
-        takes the difference over a sample time without it.
-    lowest, highest : float, optional
-        Limits of the output [SI units].
-    tracking_time : float, optional
-        Time in which limits wind the integral back [s]; by default ``proportional / integral``, or with a derivative
-        ``sqrt(derivative / integral)``.
-    sample_time : float, optional
-        Time from sample to sample [s]; without it the controller is continuous.
-
     Examples
     --------
     ::
@@ -89,16 +68,22 @@ class PidController(Controller):
     inputs: ClassVar[tuple[str, ...]] = ("error", "error_rate")
 
     type: Literal["pid"]
-    error: str
-    error_rate: str | None = None
+    error: str  # Formula of the error, in SI units: ``"ref(t) - hinge.angle"``.
+    error_rate: str | None = None  # Formula of its rate, where that is measured: ``"ref.rate - hinge.rate"``.
+    # Gains in SI units of the output for those of the error, of its integral and of its rate.
     proportional: Number = 0.0
     integral: Number = 0.0
     derivative: Number = 0.0
+    # Time constant of the filter behind the derivative where the error's rate isn't given [s]. A sampled controller
+    # takes the difference over a sample time without it.
     filter: PositiveTime | None = None
+    # Limits of the output [SI units].
     lowest: Number | None = None
     highest: Number | None = None
+    # Time in which limits wind the integral back [s]; by default ``proportional / integral``, or with a derivative
+    # ``sqrt(derivative / integral)``.
     tracking_time: PositiveTime | None = None
-    sample_time: PositiveTime | None = None
+    sample_time: PositiveTime | None = None  # Time from sample to sample [s]; without it the controller is continuous.
 
     def _check(self) -> None:
         if not (self.proportional or self.integral or self.derivative):
@@ -146,17 +131,6 @@ class PidController(Controller):
 class LagController(Controller):
     """A first-order lag: its output y follows its input u by ``time_constant dy/dt = u − y``.
 
-    Parameters
-    ----------
-    input : str
-        Formula of the input, in SI units.
-    variables : dict
-        Variables of the formula, as those of a drive's.
-    time_constant : float
-        Time in which the output comes to 63 % of a step of the input [s].
-    start : float
-        Output at time 0 [SI units].
-
     Examples
     --------
     ::
@@ -175,18 +149,13 @@ class LagController(Controller):
     inputs: ClassVar[tuple[str, ...]] = ("input",)
 
     type: Literal["lag"]
-    input: str
-    time_constant: PositiveTime
-    start: Number = 0.0
+    input: str  # Formula of the input, in SI units.
+    time_constant: PositiveTime  # Time in which the output comes to 63 % of a step of the input [s].
+    start: Number = 0.0  # Output at time 0 [SI units].
 
 
 class ExternalValue(SceneTable):
     """A value that a program in Python sets between steps, see docs/control.md; ``fmd run`` keeps the one given here.
-
-    Parameters
-    ----------
-    value : float
-        Value at the start [SI units].
 
     Examples
     --------
@@ -204,7 +173,7 @@ class ExternalValue(SceneTable):
     has_states: ClassVar[bool] = False
 
     type: Literal["external"]
-    value: Number = 0.0
+    value: Number = 0.0  # Value at the start [SI units].
 
 
 class FmuController(Controller):
@@ -212,26 +181,6 @@ class FmuController(Controller):
 
     From sample to sample it advances by itself, and the mechanism with what it has given. How both exchange values sets
     the order in which the error falls with the sample time, see docs/control.md. It takes the extra ``fmu``.
-
-    Parameters
-    ----------
-    file : str
-        The FMU, relative to the scene's file.
-    input : dict
-        Formulas of its inputs by their names in the FMU, in its units.
-    output : str
-        Name of the variable in the FMU that formulas of drives take under the controller's name.
-    parameters : dict
-        Values of its parameters by their names in the FMU, in its units.
-    variables : dict
-        Variables of the formulas, as those of a drive's.
-    sample_time : float
-        Time from one exchange to the next [s].
-    coupling : str
-        ``"gauss-seidel"``: the mechanism goes first and the FMU takes what it has come to; ``"jacobi"``: both go from
-        what they know at the last exchange.
-    order : int
-        1: values are held over a sample time; 2: both are extrapolated, or interpolated, to its middle.
 
     Examples
     --------
@@ -252,12 +201,17 @@ class FmuController(Controller):
     """
 
     type: Literal["fmu"]
-    file: SourceFile
+    file: SourceFile  # The FMU, relative to the scene's file.
+    # Formulas of its inputs by their names in the FMU, in its units.
     input: dict[Text, str] = Field(default_factory=dict)
-    output: Text
+    output: Text  # Name of the variable in the FMU that formulas of drives take under the controller's name.
+    # Values of its parameters by their names in the FMU, in its units.
     parameters: dict[Text, Number] = Field(default_factory=dict)
-    sample_time: PositiveTime
+    sample_time: PositiveTime  # Time from one exchange to the next [s].
+    # ``"gauss-seidel"``: the mechanism goes first and the FMU takes what it has come to; ``"jacobi"``: both go from
+    # what they know at the last exchange.
     coupling: Literal["gauss-seidel", "jacobi"] = "gauss-seidel"
+    # 1: values are held over a sample time; 2: both are extrapolated, or interpolated, to its middle.
     order: Annotated[int, Field(strict=True, ge=1, le=2)] = 1
 
     @property

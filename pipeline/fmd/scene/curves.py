@@ -20,19 +20,7 @@ from fmd.scene.values import LengthUnit, Number, SourceFile, UnitCheck
 
 
 class FormulaOrTable(SceneTable):
-    """A quantity by a formula of one variable, or by a table in the scene or in a CSV file.
-
-    Parameters
-    ----------
-    values : tuple of float, optional
-        Values of the table in ``unit``, one for each row.
-    file : str, optional
-        CSV file that holds the table, relative to the scene's file.
-    column : str or int, optional
-        Column of the file with the values.
-    unit : str, optional
-        Unit of the formula's or the table's values, e.g. ``"N m"``; required with either.
-    """
+    """A quantity by a formula of one variable, or by a table in the scene or in a CSV file."""
 
     kind: ClassVar[str]  # kind of quantity that the values are
     variable: ClassVar[str]  # variable of a formula
@@ -41,10 +29,11 @@ class FormulaOrTable(SceneTable):
     default_between: ClassVar[Literal["straight", "smooth"]] = "straight"
 
     formula: str | None = None
-    values: tuple[Number, ...] | None = None
-    file: SourceFile | None = None
-    column: Column | None = None
+    values: tuple[Number, ...] | None = None  # Values of the table in ``unit``, one for each row.
+    file: SourceFile | None = None  # CSV file that holds the table, relative to the scene's file.
+    column: Column | None = None  # Column of the file with the values.
     between: Literal["straight", "smooth"] | None = None
+    # Unit of the formula's or the table's values, e.g. ``"N m"``; required with either.
     unit: Annotated[str, WithJsonSchema({"$unit": True})] | None = None
 
     @property
@@ -138,25 +127,6 @@ class TimeFunction(FormulaOrTable):
     or in a ``file``: text in columns, divided by commas, semicolons, tabs or spaces, with the columns' names in the
     first row or none.
 
-    Parameters
-    ----------
-    constant : float, optional
-        Value in SI units, if the quantity doesn't change; no key of a scene.
-    formula : str, optional
-        Formula of the time t in seconds; its values are in ``unit``.
-    times : tuple of float, optional
-        Times of a table, ascending [s].
-    time : str or int, optional
-        Column of the file with the times.
-    time_unit : str
-        Unit of the file's times.
-    between : str
-        Course of a table between its times: ``"straight"`` lines, which a force or torque takes by default, or a
-        ``"smooth"`` curve, which a prescribed motion must take, because a jump of its rate would be an impulse.
-    beyond : str, optional
-        What holds before and after a table's times: its first and last value (``"hold"``), 0 (``"zero"``), or the table
-        again and again (``"repeat"``), up to the simulation's end. A table that doesn't cover the simulation must say.
-
     Examples
     --------
     ::
@@ -170,10 +140,17 @@ class TimeFunction(FormulaOrTable):
     variable = "t"
     argument = "time"
 
-    constant: float | None = None
+    formula: str | None = None  # Formula of the time t in seconds; its values are in ``unit``.
+    # Course of a table between its times: ``"straight"`` lines, which a force or torque takes by default, or a
+    # ``"smooth"`` curve, which a prescribed motion must take, because a jump of its rate would be an impulse.
+    between: Literal["straight", "smooth"] | None = None
+    constant: float | None = None  # Value in SI units, if the quantity doesn't change; no key of a scene.
+    # Times of a table, ascending [s].
     times: Annotated[tuple[NonNegativeTime, ...], Field(min_length=2, max_length=10_000)] | None = None
-    time: Column | None = None
-    time_unit: Annotated[str, UnitCheck("s")] = "s"
+    time: Column | None = None  # Column of the file with the times.
+    time_unit: Annotated[str, UnitCheck("s")] = "s"  # Unit of the file's times.
+    # What holds before and after a table's times: its first and last value (``"hold"``), 0 (``"zero"``), or the table
+    # again and again (``"repeat"``), up to the simulation's end. A table that doesn't cover the simulation must say.
     beyond: Literal["hold", "zero", "repeat"] | None = None
 
     @classmethod
@@ -264,19 +241,6 @@ class PositionOverTime(TimeFunction):
 class ForceByElongation(FormulaOrTable):
     """Force of a nonlinear spring by its elongation: a formula, or a table in the scene or in a CSV file.
 
-    Parameters
-    ----------
-    formula : str, optional
-        Formula of the elongation x in metres, e.g. ``"2000*x + 5e5*x**3"``; a formula or a table.
-    elongations : tuple of float, optional
-        Elongations of a table, ascending [m]. Beyond its ends the force goes on straight.
-    elongation : str or int, optional
-        Column of the file with the elongations.
-    elongation_unit : str
-        Unit of the file's elongations.
-    between : str
-        Course of a table between its elongations: ``"straight"`` lines, by default, or a ``"smooth"`` curve.
-
     Examples
     --------
     ::
@@ -292,9 +256,14 @@ class ForceByElongation(FormulaOrTable):
     variable = "x"
     argument = "elongation"
 
+    # Formula of the elongation x in metres, e.g. ``"2000*x + 5e5*x**3"``; a formula or a table.
+    formula: str | None = None
+    # Course of a table between its elongations: ``"straight"`` lines, by default, or a ``"smooth"`` curve.
+    between: Literal["straight", "smooth"] | None = None
+    # Elongations of a table, ascending [m]. Beyond its ends the force goes on straight.
     elongations: Annotated[tuple[Length, ...], Field(min_length=2, max_length=MOST_ELONGATIONS)] | None = None
-    elongation: Column | None = None
-    elongation_unit: LengthUnit = "m"
+    elongation: Column | None = None  # Column of the file with the elongations.
+    elongation_unit: LengthUnit = "m"  # Unit of the file's elongations.
 
     def _check_file(self, table: TableColumns) -> None:
         if len(table.values) > MOST_ELONGATIONS:

@@ -13,15 +13,6 @@ from fmd.scene.values import Count
 class MeasuredFile(SceneTable):
     """A file of what was measured in one experiment, by which ``fmd fit`` finds numbers of the scene.
 
-    Parameters
-    ----------
-    file : str
-        File of measurements (``.csv``, ``.mat``, ``.nc``, ``.uff``), relative to the scene.
-    set : tuple of str
-        Values of the scene that were others in this experiment, ``"body.gripper.mass=0.8 kg"``.
-    places : dict of str to str
-        Markers by the numbers of a universal file's nodes, ``{ 1 = "plate.a" }``.
-
     Examples
     --------
     ::
@@ -32,8 +23,10 @@ class MeasuredFile(SceneTable):
         places = { 1 = "forearm.wrist", 12 = "upper.elbow" }
     """
 
-    file: str
+    file: str  # File of measurements (``.csv``, ``.mat``, ``.nc``, ``.uff``), relative to the scene.
+    # Values of the scene that were others in this experiment, ``"body.gripper.mass=0.8 kg"``.
     set: tuple[str, ...] = ()
+    # Markers by the numbers of a universal file's nodes, ``{ 1 = "plate.a" }``.
     places: dict[Annotated[str, Field(pattern=r"^\d+$")], str] = Field(default_factory=dict)
 
     def text(self, path: str) -> str:
@@ -43,21 +36,6 @@ class MeasuredFile(SceneTable):
 
 class FitTable(SceneTable):
     """Numbers that ``fmd fit`` finds from measurements, as its options say it; options come before this table.
-
-    Parameters
-    ----------
-    experiment : tuple of MeasuredFile
-        What was measured.
-    vary : tuple of str
-        Numbers to find, with bounds or without, ``"joint.elbow.spring=10..200"``.
-    sigma : tuple of str
-        Standard deviations of channels' noise, ``"elbow.position=0.1 deg"``.
-    prior : tuple of str
-        What is known of numbers beforehand, ``"body.arm.E=5 %"``.
-    shift : tuple of str
-        Bounds of how much later a channel's clock, or that of all channels, starts, ``"time=-5 ms..5 ms"``.
-    starts : int
-        Number of searches.
 
     Examples
     --------
@@ -70,9 +48,10 @@ class FitTable(SceneTable):
         file = "measured.csv"
     """
 
-    experiment: tuple[MeasuredFile, ...] = ()
-    vary: tuple[str, ...] = ()
-    sigma: tuple[str, ...] = ()
-    prior: tuple[str, ...] = ()
+    experiment: tuple[MeasuredFile, ...] = ()  # What was measured.
+    vary: tuple[str, ...] = ()  # Numbers to find, with bounds or without, ``"joint.elbow.spring=10..200"``.
+    sigma: tuple[str, ...] = ()  # Standard deviations of channels' noise, ``"elbow.position=0.1 deg"``.
+    prior: tuple[str, ...] = ()  # What is known of numbers beforehand, ``"body.arm.E=5 %"``.
+    # Bounds of how much later a channel's clock, or that of all channels, starts, ``"time=-5 ms..5 ms"``.
     shift: tuple[str, ...] = ()
-    starts: Count = 1
+    starts: Count = 1  # Number of searches.

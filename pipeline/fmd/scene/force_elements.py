@@ -52,17 +52,6 @@ def require_a_side(low: float | None, high: float | None) -> None:
 class LengthStop(SceneTable):
     """End stops of a slide, or of the length of a spring: a spring and a damper beyond a place.
 
-    Parameters
-    ----------
-    low, high : float, optional
-        Places below and above which the stops push back [m]; one of them or both.
-    stiffness : float
-        Stiffness of full contact [N/m].
-    damper : float
-        Damper of full contact [N s/m].
-    width : float
-        Way over which contact grows from none to full [m].
-
     Examples
     --------
     ::
@@ -74,11 +63,12 @@ class LengthStop(SceneTable):
         damper = "200 N s/m"
     """
 
+    # Places below and above which the stops push back [m]; one of them or both.
     low: Length | None = None
     high: Length | None = None
-    stiffness: Annotated[TranslationalStiffness, Positive]
-    damper: Damping = 0.0
-    width: PositiveLength = 1e-4
+    stiffness: Annotated[TranslationalStiffness, Positive]  # Stiffness of full contact [N/m].
+    damper: Damping = 0.0  # Damper of full contact [N s/m].
+    width: PositiveLength = 1e-4  # Way over which contact grows from none to full [m].
 
     def _check(self) -> None:
         require_a_side(self.low, self.high)
@@ -86,17 +76,6 @@ class LengthStop(SceneTable):
 
 class AngleStop(SceneTable):
     """End stops of a hinge: a spring and a damper beyond an angle.
-
-    Parameters
-    ----------
-    low, high : float, optional
-        Angles below and above which the stops push back [rad]; one of them or both.
-    stiffness : float
-        Stiffness of full contact [N m/rad].
-    damper : float
-        Damper of full contact [N m s/rad].
-    width : float
-        Angle over which contact grows from none to full [rad].
 
     Examples
     --------
@@ -108,11 +87,12 @@ class AngleStop(SceneTable):
         stiffness = "2 kN m/rad"
     """
 
+    # Angles below and above which the stops push back [rad]; one of them or both.
     low: Angle | None = None
     high: Angle | None = None
-    stiffness: Annotated[RotationalStiffness, Positive]
-    damper: TurningDamping = 0.0
-    width: Annotated[Angle, Positive] = 1e-3
+    stiffness: Annotated[RotationalStiffness, Positive]  # Stiffness of full contact [N m/rad].
+    damper: TurningDamping = 0.0  # Damper of full contact [N m s/rad].
+    width: Annotated[Angle, Positive] = 1e-3  # Angle over which contact grows from none to full [rad].
 
     def _check(self) -> None:
         require_a_side(self.low, self.high)
@@ -120,25 +100,6 @@ class AngleStop(SceneTable):
 
 class Spring(SceneTable):
     """A spring and damper along the line between two places, each a marker of a body or a place on the ground.
-
-    Parameters
-    ----------
-    between : tuple of str
-        The two places.
-    stiffness : float
-        Stiffness [N/m].
-    length : float or str
-        Length at which the spring pulls and pushes nothing [m]; ``"start"`` takes that at the start.
-    damper : float
-        Coefficient of a damper along the line [N s/m].
-    force : ForceByElongation, optional
-        Force of a nonlinear spring by its elongation, in place of ``stiffness``.
-    stop : LengthStop, optional
-        End stops of the distance between the places; clearance, if they coincide at the start.
-    friction : float
-        Largest friction along the line [N].
-    friction_rate : float
-        Speed at which friction has reached 71 % of that [m/s].
 
     Examples
     --------
@@ -154,14 +115,16 @@ class Spring(SceneTable):
 
     mark: ClassVar[str] = "coil"
 
-    between: Places
-    stiffness: Stiffness = 0.0
+    between: Places  # The two places.
+    stiffness: Stiffness = 0.0  # Stiffness [N/m].
+    # Length at which the spring pulls and pushes nothing [m]; ``"start"`` takes that at the start.
     length: Annotated[Length, NonNegative] | Literal["start"] = "start"
-    damper: Damping = 0.0
-    force: ForceByElongation | None = None
+    damper: Damping = 0.0  # Coefficient of a damper along the line [N s/m].
+    force: ForceByElongation | None = None  # Force of a nonlinear spring by its elongation, in place of ``stiffness``.
+    # End stops of the distance between the places; clearance, if they coincide at the start.
     stop: LengthStop | None = None
-    friction: Annotated[Force, NonNegative] = 0.0
-    friction_rate: Annotated[Velocity, Positive] = 1e-3
+    friction: Annotated[Force, NonNegative] = 0.0  # Largest friction along the line [N].
+    friction_rate: Annotated[Velocity, Positive] = 1e-3  # Speed at which friction has reached 71 % of that [m/s].
 
     def _check(self) -> None:
         if self.force is not None and self.stiffness:
@@ -172,27 +135,6 @@ class Spring(SceneTable):
 
 class Bushing(SceneTable):
     """Springs and dampers in six directions between two places: along axes of the first one, and about them.
-
-    Parameters
-    ----------
-    between : tuple of str
-        The two places.
-    rotation : tuple of float
-        Rotation vector of the bushing's axes against those of the first place [rad].
-    stiffness : tuple of float, optional
-        Stiffnesses along x, y and z [N/m] and about them [N m/rad].
-    stiffness_matrix : tuple, optional
-        All 6 × 6 stiffnesses, symmetric, in place of ``stiffness`` [N/m, N, N m/rad].
-    damper : tuple of float, optional
-        Coefficients of dampers along x, y and z [N s/m] and about them [N m s/rad].
-    damper_matrix : tuple, optional
-        All 6 × 6 coefficients, symmetric, in place of ``damper`` [N s/m, N s, N m s/rad].
-    position : tuple of float or str
-        Position of the second place against the first at rest, along the bushing's axes [m]; ``"start"`` takes that at
-        the start.
-    turn : tuple of float or str
-        Rotation vector of the second place's axes against the bushing's at rest [rad]; ``"start"`` takes that at the
-        start. Twists stay below half a turn.
 
     Examples
     --------
@@ -206,13 +148,19 @@ class Bushing(SceneTable):
 
     mark: ClassVar[str] = "ball"
 
-    between: Places
-    rotation: Turn = (0.0, 0.0, 0.0)
-    stiffness: SixRates | None = None
+    between: Places  # The two places.
+    rotation: Turn = (0.0, 0.0, 0.0)  # Rotation vector of the bushing's axes against those of the first place [rad].
+    stiffness: SixRates | None = None  # Stiffnesses along x, y and z [N/m] and about them [N m/rad].
+    # All 6 × 6 stiffnesses, symmetric, in place of ``stiffness`` [N/m, N, N m/rad].
     stiffness_matrix: SixBySix | None = None
-    damper: SixDampings | None = None
+    damper: SixDampings | None = None  # Coefficients of dampers along x, y and z [N s/m] and about them [N m s/rad].
+    # All 6 × 6 coefficients, symmetric, in place of ``damper`` [N s/m, N s, N m s/rad].
     damper_matrix: SixBySix | None = None
+    # Position of the second place against the first at rest, along the bushing's axes [m]; ``"start"`` takes that at
+    # the start.
     position: Point | Literal["start"] = "start"
+    # Rotation vector of the second place's axes against the bushing's at rest [rad]; ``"start"`` takes that at the
+    # start. Twists stay below half a turn.
     turn: Turn | Literal["start"] = "start"
 
     def _check(self) -> None:
@@ -225,21 +173,6 @@ class Bushing(SceneTable):
 
 class Bearing(SceneTable):
     """A bearing that holds a shaft along and across its axis by springs, and lets it turn and tilt.
-
-    Parameters
-    ----------
-    between : tuple of str
-        The two places, that of the housing first.
-    axis : tuple of float
-        Direction of the axis in the axes of the first place; its length doesn't count.
-    radial : float or table
-        Stiffness across the axis [N/m], a quantity or a table over the shaft's speed or the frequency of its whirl.
-    axial : float
-        Stiffness along the axis [N/m].
-    radial_damper : float or table
-        Coefficient of a damper across the axis [N s/m], likewise.
-    axial_damper : float
-        Coefficient of a damper along the axis [N s/m].
 
     Examples
     --------
@@ -255,12 +188,13 @@ class Bearing(SceneTable):
 
     mark: ClassVar[str] = "disc"
 
-    between: Places
-    axis: Axis
+    between: Places  # The two places, that of the housing first.
+    axis: Axis  # Direction of the axis in the axes of the first place; its length doesn't count.
+    # Stiffness across the axis [N/m], a quantity or a table over the shaft's speed or the frequency of its whirl.
     radial: RadialStiffness
-    axial: Stiffness = 0.0
-    radial_damper: RadialDamping = 0.0
-    axial_damper: Damping = 0.0
+    axial: Stiffness = 0.0  # Stiffness along the axis [N/m].
+    radial_damper: RadialDamping = 0.0  # Coefficient of a damper across the axis [N s/m], likewise.
+    axial_damper: Damping = 0.0  # Coefficient of a damper along the axis [N s/m].
 
     @property
     def tables(self) -> dict[str, BearingTable]:

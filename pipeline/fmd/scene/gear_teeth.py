@@ -22,15 +22,6 @@ class GearTeethContact(SceneTable):
     where the flanks do. At the start flanks touch without load, those by which the pinion drives as it turns about its
     hinge's axis. The gears' modes don't take part: the teeth's flexibility is that of their meshes, from the bores on.
 
-    Parameters
-    ----------
-    pinion, wheel : str
-        Bodies, both spur gears.
-    torque : float
-        On the pinion, up to four times of which the forces are tabulated [N m]; beyond that they go on straight.
-    damping : float
-        Time τ of the damping of the teeth's flexibility [s]: the damping ratio is ``½ ω τ`` at a rate ω.
-
     Examples
     --------
     ::
@@ -42,9 +33,12 @@ class GearTeethContact(SceneTable):
         damping = "2 us"
     """
 
+    # Bodies, both spur gears.
     pinion: BodyName
     wheel: BodyName
+    # On the pinion, up to four times of which the forces are tabulated [N m]; beyond that they go on straight.
     torque: Annotated[Torque, Positive]
+    # Time τ of the damping of the teeth's flexibility [s]: the damping ratio is ``½ ω τ`` at a rate ω.
     damping: NonNegativeTime = 0.0
 
 

@@ -22,24 +22,6 @@ EvenCount = Annotated[Count, Field(multiple_of=2)]
 class GearTeethMesh(SceneTable):
     """Division of a gear into hexahedra of second order, with nodes on the involutes and fillets.
 
-    Parameters
-    ----------
-    teeth : int
-        Teeth that are meshed, the middle one on the x axis; the rest of the gear is its rim up to the root circle, and
-        has no mass of teeth. Static analysis of two gears takes 3, or 5 from a contact ratio of 2 on.
-    flank : int
-        Elements along an involute.
-    fillet : int
-        Elements along each half of a fillet.
-    across : int
-        Elements across a tooth; an even number, as nodes on its middle are needed.
-    rim : int
-        Elements from the root to the bore.
-    along : int
-        Elements along the axis.
-    order : int
-        Polynomial order of the displacement in an element.
-
     Examples
     --------
     ::
@@ -49,13 +31,15 @@ class GearTeethMesh(SceneTable):
         flank = 6
     """
 
+    # Teeth that are meshed, the middle one on the x axis; the rest of the gear is its rim up to the root circle, and
+    # has no mass of teeth. Static analysis of two gears takes 3, or 5 from a contact ratio of 2 on.
     teeth: Annotated[Count, Field(le=1000)] = 3
-    flank: Count = 6
-    fillet: Count = 6
-    across: EvenCount = 6
-    rim: Count = 5
-    along: Count = 2
-    order: Literal[2] = 2
+    flank: Count = 6  # Elements along an involute.
+    fillet: Count = 6  # Elements along each half of a fillet.
+    across: EvenCount = 6  # Elements across a tooth; an even number, as nodes on its middle are needed.
+    rim: Count = 5  # Elements from the root to the bore.
+    along: Count = 2  # Elements along the axis.
+    order: Literal[2] = 2  # Polynomial order of the displacement in an element.
 
 
 class SpurGear(Solid):
@@ -63,26 +47,6 @@ class SpurGear(Solid):
 
     The faces are ``bore``, ``back`` and ``front`` (where z is least and greatest), and of all meshed teeth ``flanks``
     (the involutes), ``roots`` (the fillets and the lands between them) and ``tips``; its one part is ``gear``.
-
-    Parameters
-    ----------
-    teeth : int
-        Number of teeth.
-    module : float
-        Pitch circle's diameter over the number of teeth [m].
-    width : float
-        Extent along z [m].
-    bore : float
-        Diameter of the bore [m].
-    pressure_angle : float
-        Of the rack [rad].
-    shift : float
-        Profile shift over the module.
-    addendum, dedendum, rounding : float
-        Of the rack, over the module: height above and depth below its reference line, radius of its corners, which cut
-        the fillets. By default those of ISO 53, profile A.
-    mesh : GearTeethMesh
-        Division into elements.
 
     Examples
     --------
@@ -103,16 +67,19 @@ class SpurGear(Solid):
     """
 
     shape: Literal["spur-gear"]
-    teeth: Annotated[int, Field(strict=True, ge=8, le=1000)]
-    module: PositiveLength
-    width: PositiveLength
-    bore: PositiveLength
-    pressure_angle: Annotated[Angle, Field(ge=0.17, le=0.53)] = pi / 9
-    shift: Annotated[Number, Field(ge=-1.0, le=1.5)] = 0.0
+    teeth: Annotated[int, Field(strict=True, ge=8, le=1000)]  # Number of teeth.
+    module: PositiveLength  # Pitch circle's diameter over the number of teeth [m].
+    width: PositiveLength  # Extent along z [m].
+    bore: PositiveLength  # Diameter of the bore [m].
+    pressure_angle: Annotated[Angle, Field(ge=0.17, le=0.53)] = pi / 9  # Of the rack [rad].
+    shift: Annotated[Number, Field(ge=-1.0, le=1.5)] = 0.0  # Profile shift over the module.
+    # Of the rack, over the module: height above its reference line; by default ISO 53, profile A.
     addendum: Annotated[Number, Field(gt=0.0, le=2.0)] = 1.0
+    # Of the rack, over the module: depth below its reference line, likewise.
     dedendum: Annotated[Number, Field(gt=0.0, le=2.5)] = 1.25
+    # Of the rack, over the module: radius of its corners, which cut the fillets, likewise.
     rounding: Annotated[Number, Field(gt=0.0, le=1.0)] = 0.38
-    mesh: GearTeethMesh = Field(default_factory=GearTeethMesh)
+    mesh: GearTeethMesh = Field(default_factory=GearTeethMesh)  # Division into elements.
 
     @property
     def faces(self) -> tuple[str, ...]:
@@ -166,21 +133,6 @@ class GearMesh(SceneTable):
     It takes the meshes of the bodies alone, and no motion. A ``.png``, ``.pdf`` or ``.svg`` is a chart, with a table
     (``.csv``) of the same name beside it.
 
-    Parameters
-    ----------
-    file : str
-        File of the chart.
-    pinion, wheel : str
-        Bodies, both spur gears.
-    torque : float
-        Torque on the pinion [N m].
-    distance : float, optional
-        Of the axes [m]; that without backlash by default.
-    points : int
-        Angles of the pinion within a pitch.
-    title : str
-        Text above the chart.
-
     Examples
     --------
     ::
@@ -194,13 +146,14 @@ class GearMesh(SceneTable):
     """
 
     type: Literal["gear-mesh"]
-    file: Annotated[str, FileCheck((".png", ".pdf", ".svg"))]
+    file: Annotated[str, FileCheck((".png", ".pdf", ".svg"))]  # File of the chart.
+    # Bodies, both spur gears.
     pinion: BodyName
     wheel: BodyName
-    torque: Annotated[Torque, Positive]
-    distance: PositiveLength | None = None
-    points: Annotated[int, Field(strict=True, ge=4, le=1000)] = 64
-    title: str = ""
+    torque: Annotated[Torque, Positive]  # Torque on the pinion [N m].
+    distance: PositiveLength | None = None  # Of the axes [m]; that without backlash by default.
+    points: Annotated[int, Field(strict=True, ge=4, le=1000)] = 64  # Angles of the pinion within a pitch.
+    title: str = ""  # Text above the chart.
 
 
 def find_pair(

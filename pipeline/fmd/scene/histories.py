@@ -43,39 +43,22 @@ _BELONGS = {"joints": "joint_", "markers": "marker_", "elements": "element_stres
 
 
 class Quantities(SceneTable):
-    """A choice of quantities over time.
+    """A choice of quantities over time."""
 
-    Parameters
-    ----------
-    file : str
-        File that is written.
-    quantities : tuple of str
-        Quantities, required without ``formulas``; the table of quantities of a history explains each.
-    formulas : dict of str to str
-        Formulas of the motion by the names that they get, such as what a sensor measures or a controller puts out, in
-        SI units.
-    joints : tuple of str
-        Joints whose quantities are meant; all by default.
-    markers : tuple of str
-        Markers whose quantities are meant; all by default.
-    elements : tuple of str
-        Named elements whose stress is meant; all by default.
-    nodes : tuple of str
-        Nodes whose stress is meant, by their bodies and numbers, as tables of the worst nodes give them.
-    components : tuple of str
-        Components of stress; principal stresses are numbered from the largest.
-    axes : str
-        Axes of vectors at joints and markers: those of ``space``, or those of the marker's or the child's ``body``.
-    """
-
-    file: str
+    file: str  # File that is written.
+    # Quantities, required without ``formulas``; the table of quantities of a history explains each.
     quantities: tuple[HistoryQuantity, ...] = ()
+    # Formulas of the motion by the names that they get, such as what a sensor measures or a controller puts out, in SI
+    # units.
     formulas: dict[Name, str] = Field(default_factory=dict)
-    joints: tuple[JointName, ...] = ()
-    markers: tuple[MarkerName, ...] = ()
-    elements: tuple[ElementName, ...] = ()
+    joints: tuple[JointName, ...] = ()  # Joints whose quantities are meant; all by default.
+    markers: tuple[MarkerName, ...] = ()  # Markers whose quantities are meant; all by default.
+    elements: tuple[ElementName, ...] = ()  # Named elements whose stress is meant; all by default.
+    # Nodes whose stress is meant, by their bodies and numbers, as tables of the worst nodes give them.
     nodes: tuple[NodeName, ...] = ()
+    # Components of stress; principal stresses are numbered from the largest.
     components: Annotated[tuple[Component, ...], Field(min_length=1)] = ("von Mises",)
+    # Axes of vectors at joints and markers: those of ``space``, or those of the marker's or the child's ``body``.
     axes: Literal["space", "body"] = "space"
 
     def _check(self) -> None:
@@ -106,11 +89,6 @@ class History(Quantities):
     A ``.csv`` has a column for each number, named with its unit, over the first run; a ``.nc`` has a variable for each
     quantity, over all runs; a ``.png``, ``.pdf`` or ``.svg`` a chart for each quantity over the first run.
 
-    Parameters
-    ----------
-    title : str
-        Text above the charts.
-
     Examples
     --------
     ::
@@ -126,7 +104,7 @@ class History(Quantities):
 
     type: Literal["history"]
     file: Annotated[str, FileCheck((".csv", ".nc", ".png", ".pdf", ".svg"))]
-    title: str = ""
+    title: str = ""  # Text above the charts.
 
 
 class ExtremesTable(Quantities):

@@ -33,28 +33,6 @@ from fmd.scene.values import (
 class MeshFile(DividedMesh, SectorMesh):
     """A mesh that another program made: Abaqus, Nastran, Ansys, Gmsh, MED, VTK and more.
 
-    Parameters
-    ----------
-    file : str
-        The file, relative to the scene's; its suffix gives the format.
-    unit : str
-        The file's unit of length.
-    order : int, optional
-        Polynomial order of the displacement in an element; the file's own by default. 2 on a file of order 1 adds nodes
-        in the middle of straight edges.
-    repair : bool
-        True to mend faults of the mesh where that is safe; else they are listed and refused.
-    mass_unit, force_unit : str, optional
-        The file's units of mass and of force, if it has lumped masses or springs; kg and N in a file in metres.
-    shell : float or str, optional
-        Thickness [m]: the file's triangles and quadrilaterals are shells. ``"deck"`` takes it from the deck's sections,
-        ``"layers"`` from the body's ``layers``. Solids and beams of the file are parts of the body beside them.
-    beam : str, optional
-        ``"deck"``: the lines of a deck of Nastran, Abaqus or Ansys are beams, with the deck's sections.
-    tie : tuple of TiedFace
-        Faces of solid parts that stay together without common nodes, and nodes of shells and beams that follow a face
-        of solids.
-
     Examples
     --------
     ::
@@ -64,14 +42,21 @@ class MeshFile(DividedMesh, SectorMesh):
         unit = "mm"
     """
 
-    file: SourceFile
-    unit: LengthUnit
+    file: SourceFile  # The file, relative to the scene's; its suffix gives the format.
+    unit: LengthUnit  # The file's unit of length.
+    # Polynomial order of the displacement in an element; the file's own by default. 2 on a file of order 1 adds nodes
+    # in the middle of straight edges.
     order: Order | None = None
-    repair: bool = False
-    mass_unit: MassUnit | None = None
-    force_unit: ForceUnit | None = None
+    repair: bool = False  # True to mend faults of the mesh where that is safe; else they are listed and refused.
+    mass_unit: MassUnit | None = None  # The file's unit of mass, if it has lumped masses; kg in a file in metres.
+    force_unit: ForceUnit | None = None  # The file's unit of force, if it has springs; N in a file in metres.
+    # Thickness [m]: the file's triangles and quadrilaterals are shells. ``"deck"`` takes it from the deck's sections,
+    # ``"layers"`` from the body's ``layers``. Solids and beams of the file are parts of the body beside them.
     shell: PositiveLength | Literal["deck", "layers"] | None = None
+    # ``"deck"``: the lines of a deck of Nastran, Abaqus or Ansys are beams, with the deck's sections.
     beam: Literal["deck"] | None = None
+    # Faces of solid parts that stay together without common nodes, and nodes of shells and beams that follow a face of
+    # solids.
     tie: tuple[TiedFace, ...] = ()
 
     def _check(self) -> None:
@@ -84,26 +69,6 @@ class MeshFile(DividedMesh, SectorMesh):
 class CadFile(SectorMesh):
     """A CAD file whose solids are meshed with tetrahedra that follow its curved faces, or which is meshed as a shell.
 
-    Parameters
-    ----------
-    cad : str
-        A STEP, IGES or BREP file, relative to the scene's, or a script of Gmsh, ``.geo``, with
-        ``SetFactory("OpenCASCADE")``.
-    size : float
-        Edge length of an element [m]; around bores and fillets elements are smaller.
-    order : int
-        Polynomial order of the displacement in an element; 1 of shells.
-    shell : float or str, optional
-        Thickness [m]: the file's surfaces are the midsurfaces of shells, or its solid has walls of this thickness.
-        ``"layers"`` takes it from the body's ``layers``.
-    unit : str, optional
-        A script's unit of length; m by default.
-    parameter : dict of str to float
-        Dimensions [m] that the script has by ``DefineConstant``; others keep the script's values.
-    made_at : dict of str to float
-        Dimensions [m] at which the part is meshed; its nodes are carried to those of ``parameter``, so that elements
-        stay the same. By default it is meshed at ``parameter``.
-
     Examples
     --------
     ::
@@ -113,12 +78,19 @@ class CadFile(SectorMesh):
         size = "5 mm"
     """
 
+    # A STEP, IGES or BREP file, relative to the scene's, or a script of Gmsh, ``.geo``, with
+    # ``SetFactory("OpenCASCADE")``.
     cad: SourceFile
-    size: PositiveLength
-    order: Order = 2
+    size: PositiveLength  # Edge length of an element [m]; around bores and fillets elements are smaller.
+    order: Order = 2  # Polynomial order of the displacement in an element; 1 of shells.
+    # Thickness [m]: the file's surfaces are the midsurfaces of shells, or its solid has walls of this thickness.
+    # ``"layers"`` takes it from the body's ``layers``.
     shell: PositiveLength | Literal["layers"] | None = None
-    unit: LengthUnit | None = None
+    unit: LengthUnit | None = None  # A script's unit of length; m by default.
+    # Dimensions [m] that the script has by ``DefineConstant``; others keep the script's values.
     parameter: dict[Name, Length] = Field(default_factory=dict)
+    # Dimensions [m] at which the part is meshed; its nodes are carried to those of ``parameter``, so that elements stay
+    # the same. By default it is meshed at ``parameter``.
     made_at: dict[Name, Length] = Field(default_factory=dict)
 
     @property
@@ -154,15 +126,6 @@ class CadFile(SectorMesh):
 class Substance(SceneTable):
     """Material of one of a body's parts, where it differs from that of the whole body.
 
-    Parameters
-    ----------
-    E : float
-        Young's modulus [Pa].
-    nu : float
-        Poisson's ratio.
-    rho : float
-        Density [kg/m³].
-
     Examples
     --------
     ::
@@ -173,23 +136,18 @@ class Substance(SceneTable):
         rho = "8700 kg/m^3"
     """
 
-    E: PositiveStress
-    nu: Poisson
-    rho: PositiveDensity
+    E: PositiveStress  # Young's modulus [Pa].
+    nu: Poisson  # Poisson's ratio.
+    rho: PositiveDensity  # Density [kg/m³].
 
 
 class Imported(Layerable):
     """Keys of a body whose mesh or shape comes from a file, beside those of every flexible body.
 
     Faces and parts are known once the file is read; ``fmd mesh`` prints their names.
-
-    Parameters
-    ----------
-    material : dict of str to Substance
-        Materials of single parts, by the part's name.
     """
 
-    material: dict[PartName, Substance] = Field(default_factory=dict)
+    material: dict[PartName, Substance] = Field(default_factory=dict)  # Materials of single parts, by the part's name.
 
     def _check(self) -> None:
         shell = self.mesh.shell  # type: ignore[attr-defined]
@@ -220,13 +178,6 @@ class Imported(Layerable):
 class MeshedPart(Imported):
     """A body whose mesh is read from a file; the file's surfaces and sets are its faces and parts.
 
-    Parameters
-    ----------
-    shape : str
-        Kind of body; ``mesh`` alone says it, too.
-    mesh : MeshFile
-        The file and its unit.
-
     Examples
     --------
     ::
@@ -243,8 +194,8 @@ class MeshedPart(Imported):
     file_keys = ("mesh", "file")
     deck_may_have_links = True
 
-    shape: Literal["mesh"]
-    mesh: MeshFile
+    shape: Literal["mesh"]  # Kind of body; ``mesh`` alone says it, too.
+    mesh: MeshFile  # The file and its unit.
 
     @property
     def has_own_layers(self) -> bool:
@@ -263,13 +214,6 @@ class CadPart(Imported):
     The file's solids are its parts; its faces have their names in STEP, their colour ``"#ff0000"`` and a number
     ``face-7``.
 
-    Parameters
-    ----------
-    shape : str
-        Kind of body; ``mesh`` alone says it, too.
-    mesh : CadFile
-        The file and the size of the elements.
-
     Examples
     --------
     ::
@@ -285,8 +229,8 @@ class CadPart(Imported):
 
     file_keys = ("mesh", "cad")
 
-    shape: Literal["cad"]
-    mesh: CadFile
+    shape: Literal["cad"]  # Kind of body; ``mesh`` alone says it, too.
+    mesh: CadFile  # The file and the size of the elements.
 
     def with_elements_of(self, first: Self) -> Self:
         """Return the part with the elements of another one, which differs in its dimensions."""
@@ -321,17 +265,6 @@ class Meshless(Deformable):
 class MatrixPart(Meshless):
     """A body without a mesh, given by its matrices: it has modes and motion, and stress if a file has it.
 
-    Parameters
-    ----------
-    shape : str
-        Kind of body; ``matrices`` alone says it, too.
-    matrices : MatrixFiles
-        The files of the matrices and nodes.
-    modes : ModeSettings
-        Modes that describe the deformation.
-    marker : dict of str to MarkerPlace
-        Places for joints and loads, by name; each on ``nodes`` or in a ``plane``.
-
     Examples
     --------
     ::
@@ -344,10 +277,10 @@ class MatrixPart(Meshless):
 
     file_keys = ("matrices", "stiffness", "mass", "nodes", "stress", "geometric_stiffness")
 
-    shape: Literal["matrices"]
-    matrices: MatrixFiles
-    modes: ModeSettings
-    marker: dict[Name, MarkerPlace]
+    shape: Literal["matrices"]  # Kind of body; ``matrices`` alone says it, too.
+    matrices: MatrixFiles  # The files of the matrices and nodes.
+    modes: ModeSettings  # Modes that describe the deformation.
+    marker: dict[Name, MarkerPlace]  # Places for joints and loads, by name; each on ``nodes`` or in a ``plane``.
 
     @property
     def may_have_stress(self) -> bool:

@@ -13,15 +13,6 @@ from fmd.scene.values import Axis, Number, Poisson, Text
 class PlyStrength(SceneTable):
     """Strengths of a ply in its own axes, each above 0.
 
-    Parameters
-    ----------
-    Xt, Xc : float
-        Along the fibres, in tension and in compression [Pa].
-    Yt, Yc : float
-        Across them [Pa].
-    S : float
-        In shear in the plane [Pa].
-
     Examples
     --------
     ::
@@ -34,30 +25,17 @@ class PlyStrength(SceneTable):
         S = "70 MPa"
     """
 
+    # Along the fibres, in tension and in compression [Pa].
     Xt: PositiveStress
     Xc: PositiveStress
+    # Across them [Pa].
     Yt: PositiveStress
     Yc: PositiveStress
-    S: PositiveStress
+    S: PositiveStress  # In shear in the plane [Pa].
 
 
 class LaminaTable(SceneTable):
     """Orthotropic material of plies: 1 is along the fibres, 2 across them in the ply, 3 through it.
-
-    Parameters
-    ----------
-    E1, E2 : float
-        Young's moduli [Pa].
-    nu12 : float
-        Contraction along 2 over stretch along 1, below ``(E1/E2)^½``.
-    G12 : float
-        Shear modulus in the ply's plane [Pa].
-    G13, G23 : float, optional
-        Shear moduli through the thickness [Pa]; ``G12`` by default.
-    rho : float
-        Density [kg/m³].
-    strength : PlyStrength, optional
-        Strengths, for failure indices.
 
     Examples
     --------
@@ -72,14 +50,16 @@ class LaminaTable(SceneTable):
         rho = "1550 kg/m^3"
     """
 
+    # Young's moduli [Pa].
     E1: PositiveStress
     E2: PositiveStress
-    nu12: Number
-    G12: PositiveStress
+    nu12: Number  # Contraction along 2 over stretch along 1, below ``(E1/E2)^½``.
+    G12: PositiveStress  # Shear modulus in the ply's plane [Pa].
+    # Shear moduli through the thickness [Pa]; ``G12`` by default.
     G13: PositiveStress | None = None
     G23: PositiveStress | None = None
-    rho: PositiveDensity
-    strength: PlyStrength | None = None
+    rho: PositiveDensity  # Density [kg/m³].
+    strength: PlyStrength | None = None  # Strengths, for failure indices.
 
     def _check(self) -> None:
         if not self.nu12**2 < self.E1 / self.E2:
@@ -88,15 +68,6 @@ class LaminaTable(SceneTable):
 
 class Layer(SceneTable):
     """A ply of a laminate.
-
-    Parameters
-    ----------
-    material : str
-        Its material, a name of the body's ``lamina``.
-    thickness : float
-        Of the ply [m].
-    angle : float
-        From ``layer_direction`` to the fibres, about the shell's normal [rad].
 
     Examples
     --------
@@ -108,39 +79,26 @@ class Layer(SceneTable):
         angle = "45 deg"
     """
 
-    material: Text
-    thickness: PositiveLength
-    angle: Angle = 0.0
+    material: Text  # Its material, a name of the body's ``lamina``.
+    thickness: PositiveLength  # Of the ply [m].
+    angle: Angle = 0.0  # From ``layer_direction`` to the fibres, about the shell's normal [rad].
 
 
 class Layerable(Solid):
-    """Keys of bodies that may be shells of layers.
+    """Keys of bodies that may be shells of layers."""
 
-    Parameters
-    ----------
-    E : float, optional
-        Young's modulus [Pa]; a body of layers has those of its ``lamina``.
-    nu : float, optional
-        Poisson's ratio.
-    rho : float, optional
-        Density [kg/m³].
-    lamina : dict of str to LaminaTable
-        Materials of plies, by name; for a deck's PCOMP and COMPOSITE the number or name of the material there.
-    layers : tuple of Layer
-        Plies from the shell's lower face to the upper one.
-    layer_direction : tuple of float
-        Vector whose projection onto the shell is the direction from which angles count.
-    offset : float
-        Distance of the shell's middle from its midsurface as given, along the normal [m].
-    """
-
+    # Young's modulus [Pa]; a body of layers has those of its ``lamina``.
     E: PositiveStress | None = None  # type: ignore[assignment]
+    # Poisson's ratio.
     nu: Poisson | None = None  # type: ignore[assignment]
+    # Density [kg/m³].
     rho: PositiveDensity | None = None  # type: ignore[assignment]
+    # Materials of plies, by name; for a deck's PCOMP and COMPOSITE the number or name of the material there.
     lamina: dict[Text, LaminaTable] = Field(default_factory=dict)
-    layers: tuple[Layer, ...] = ()
+    layers: tuple[Layer, ...] = ()  # Plies from the shell's lower face to the upper one.
+    # Vector whose projection onto the shell is the direction from which angles count.
     layer_direction: Axis = (1.0, 0.0, 0.0)
-    offset: Length = 0.0
+    offset: Length = 0.0  # Distance of the shell's middle from its midsurface as given, along the normal [m].
 
     @property
     def layered_thickness(self) -> float:

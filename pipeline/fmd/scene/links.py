@@ -18,20 +18,6 @@ class FaceLink(SceneTable):
     Exactly one of ``face``, ``near`` and ``plane`` says which face, as for a marker. Other parts hang on the reference
     by a marker ``{ link = "NAME" }``, and a lumped mass by its ``at``.
 
-    Parameters
-    ----------
-    face : str or tuple of str, optional
-        One face of the shape, or several that make one.
-    near : tuple of float, optional
-        A point [m]; the smooth face nearest to it is meant.
-    plane : tuple, optional
-        Plane; all of the surface in it is the face.
-    type : str
-        ``"rigid"`` (RBE2): the face moves as a rigid piece; ``"average"`` (RBE3): the reference moves as the face does
-        in the mean, each part of it weighted by its area, and leaves it free to deform.
-    at : tuple of float, optional
-        The reference point [m]; the middle of the face by default.
-
     Examples
     --------
     ::
@@ -40,11 +26,14 @@ class FaceLink(SceneTable):
         bearing = { face = "bore", type = "rigid", at = ["42 mm", "0 mm", "30 mm"] }
     """
 
+    # One face of the shape, or several that make one.
     face: FaceName | Annotated[tuple[FaceName, ...], Field(min_length=1, max_length=100)] | None = None
-    near: Point | None = None
-    plane: Plane | None = None
+    near: Point | None = None  # A point [m]; the smooth face nearest to it is meant.
+    plane: Plane | None = None  # Plane; all of the surface in it is the face.
+    # ``"rigid"`` (RBE2): the face moves as a rigid piece; ``"average"`` (RBE3): the reference moves as the face does in
+    # the mean, each part of it weighted by its area, and leaves it free to deform.
     type: Literal["rigid", "average"]
-    at: Point | None = None
+    at: Point | None = None  # The reference point [m]; the middle of the face by default.
 
     @property
     def faces(self) -> tuple[str, ...]:
@@ -62,17 +51,6 @@ class FaceLink(SceneTable):
 class MassOnLink(SceneTable):
     """A rigid body on the reference point of a link: a motor, a wheel, what is bolted on.
 
-    Parameters
-    ----------
-    at : str or int
-        Name of the link, or number or set of a point of the deck's links.
-    mass : float
-        [kg]
-    centre : tuple of float, optional
-        Centre of mass in the part's coordinates [m]; the reference point by default.
-    inertia : tuple of float
-        Moments about the centre of mass, along the part's x, y and z [kg m²].
-
     Examples
     --------
     ::
@@ -81,9 +59,10 @@ class MassOnLink(SceneTable):
         motor = { at = "bearing", mass = "0.4 kg", inertia = ["1e-4 kg m^2", "1e-4 kg m^2", "2e-4 kg m^2"] }
     """
 
-    at: LinkName
-    mass: PositiveMass
-    centre: Point | None = None
+    at: LinkName  # Name of the link, or number or set of a point of the deck's links.
+    mass: PositiveMass  # [kg]
+    centre: Point | None = None  # Centre of mass in the part's coordinates [m]; the reference point by default.
+    # Moments about the centre of mass, along the part's x, y and z [kg m²].
     inertia: tuple[Moment, Moment, Moment] = (0.0, 0.0, 0.0)
 
     def _check(self) -> None:
@@ -92,15 +71,6 @@ class MassOnLink(SceneTable):
 
 class TiedFace(SceneTable):
     """A face that stays together with another, of a part whose mesh has no nodes in common with its own.
-
-    Parameters
-    ----------
-    face : str
-        The face that follows: that of the finer mesh, on which no rigid link or rigid attachment is.
-    onto : str
-        The face that it follows.
-    within : float, optional
-        How far apart facets of both may be [m]; a tenth of a facet's size by default.
 
     Examples
     --------
@@ -111,6 +81,7 @@ class TiedFace(SceneTable):
         onto = "box-rim"
     """
 
-    face: FaceName
-    onto: FaceName
+    face: FaceName  # The face that follows: that of the finer mesh, on which no rigid link or rigid attachment is.
+    onto: FaceName  # The face that it follows.
+    # How far apart facets of both may be [m]; a tenth of a facet's size by default.
     within: PositiveLength | None = None

@@ -15,18 +15,12 @@ from fmd.scene.values import Axis, JointName, MarkerName
 
 
 class JointDrive(SceneTable):
-    """Something that acts on a joint.
-
-    Parameters
-    ----------
-    joint : str
-        Joint that it drives: revolute for a torque, prismatic for a force, either for a motion.
-    """
+    """Something that acts on a joint."""
 
     joint_units: ClassVar[tuple[str, ...]] = ("rad",)
     unit: ClassVar[str] = "N m"
 
-    joint: JointName
+    joint: JointName  # Joint that it drives: revolute for a torque, prismatic for a force, either for a motion.
 
     @property
     def input_unit(self) -> str:
@@ -50,20 +44,6 @@ class JointDrive(SceneTable):
 class PulseDrive(JointDrive):
     """A torque about a revolute joint that rises and falls as half a sine, given by its effect or by its peak.
 
-    Parameters
-    ----------
-    duration : float
-        Time that it lasts [s].
-    start : float
-        Time at which it begins [s].
-    speed : float, optional
-        Mean angular rate that it brings the joint to from rest [rad/s]; this or ``torque``.
-    torque : float, optional
-        Peak of the torque [N m]; this or ``speed``.
-    smooth : bool
-        True for the square of half a sine, which begins and ends without a kink. A kink makes all vibrations ring, with
-        accelerations that fall off so slowly towards the high ones that no number of modes has them.
-
     Examples
     --------
     ::
@@ -77,10 +57,13 @@ class PulseDrive(JointDrive):
     """
 
     type: Literal["torque pulse"]
-    duration: PositiveTime
-    start: NonNegativeTime = 0.0
+    duration: PositiveTime  # Time that it lasts [s].
+    start: NonNegativeTime = 0.0  # Time at which it begins [s].
+    # Mean angular rate that it brings the joint to from rest [rad/s]; this or ``torque``.
     speed: AngularRate | None = None
-    torque: Torque | None = None
+    torque: Torque | None = None  # Peak of the torque [N m]; this or ``speed``.
+    # True for the square of half a sine, which begins and ends without a kink. A kink makes all vibrations ring, with
+    # accelerations that fall off so slowly towards the high ones that no number of modes has them.
     smooth: bool = False
 
     def _check(self) -> None:
@@ -105,11 +88,6 @@ class PulseDrive(JointDrive):
 class TorqueDrive(JointDrive):
     """A torque about a revolute joint, constant or changing with time.
 
-    Parameters
-    ----------
-    torque : TorqueOverTime
-        Torque on the child; the parent takes its opposite [N m].
-
     Examples
     --------
     ::
@@ -121,7 +99,7 @@ class TorqueDrive(JointDrive):
     """
 
     type: Literal["torque"]
-    torque: TorqueOverTime
+    torque: TorqueOverTime  # Torque on the child; the parent takes its opposite [N m].
 
     @property
     def load(self) -> TimeFunction:
@@ -131,11 +109,6 @@ class TorqueDrive(JointDrive):
 
 class ForceDrive(JointDrive):
     """A force along a prismatic joint, constant or changing with time.
-
-    Parameters
-    ----------
-    force : ForceOverTime
-        Force on the child; the parent takes its opposite [N].
 
     Examples
     --------
@@ -151,7 +124,7 @@ class ForceDrive(JointDrive):
     unit: ClassVar[str] = "N"
 
     type: Literal["force"]
-    force: ForceOverTime
+    force: ForceOverTime  # Force on the child; the parent takes its opposite [N].
 
     @property
     def load(self) -> TimeFunction:
@@ -161,13 +134,6 @@ class ForceDrive(JointDrive):
 
 class MotionDrive(JointDrive):
     """A prescribed motion of a joint, which then has no coordinate of its own, no spring and no damper.
-
-    Parameters
-    ----------
-    angle : AngleOverTime, optional
-        Angle of a revolute joint [rad]; required for one.
-    position : PositionOverTime, optional
-        Displacement of a prismatic joint [m]; required for one.
 
     Examples
     --------
@@ -182,8 +148,8 @@ class MotionDrive(JointDrive):
     joint_units: ClassVar[tuple[str, ...]] = ("m", "rad")
 
     type: Literal["motion"]
-    angle: AngleOverTime | None = None
-    position: PositionOverTime | None = None
+    angle: AngleOverTime | None = None  # Angle of a revolute joint [rad]; required for one.
+    position: PositionOverTime | None = None  # Displacement of a prismatic joint [m]; required for one.
 
     @property
     def input_unit(self) -> str:
@@ -199,23 +165,14 @@ class MotionDrive(JointDrive):
 
 
 class MarkerLoad(SceneTable):
-    """A load on a marker of a body.
-
-    Parameters
-    ----------
-    marker : str
-        Marker that it acts on.
-    direction : tuple of float
-        Direction of the force or axis of the torque; its length doesn't count.
-    following : bool
-        True if the direction is in the marker's axes and turns with them, false if it is fixed in space.
-    """
+    """A load on a marker of a body."""
 
     turns: ClassVar[bool] = False
     unit: ClassVar[str] = "N"
 
-    marker: MarkerName
-    direction: Axis
+    marker: MarkerName  # Marker that it acts on.
+    direction: Axis  # Direction of the force or axis of the torque; its length doesn't count.
+    # True if the direction is in the marker's axes and turns with them, false if it is fixed in space.
     following: bool = False
 
     @property
@@ -226,11 +183,6 @@ class MarkerLoad(SceneTable):
 
 class PointForce(MarkerLoad):
     """A force on a marker of a body, in a direction that is fixed in space or turns with the marker.
-
-    Parameters
-    ----------
-    force : ForceOverTime
-        Size of the force [N].
 
     Examples
     --------
@@ -244,7 +196,7 @@ class PointForce(MarkerLoad):
     """
 
     type: Literal["point force"]
-    force: ForceOverTime
+    force: ForceOverTime  # Size of the force [N].
 
     @property
     def size(self) -> TimeFunction:
@@ -254,11 +206,6 @@ class PointForce(MarkerLoad):
 
 class PointTorque(MarkerLoad):
     """A torque on a marker of a body, about a direction that is fixed in space or turns with the marker.
-
-    Parameters
-    ----------
-    torque : TorqueOverTime
-        Size of the torque [N m].
 
     Examples
     --------
@@ -276,7 +223,7 @@ class PointTorque(MarkerLoad):
     unit: ClassVar[str] = "N m"
 
     type: Literal["point torque"]
-    torque: TorqueOverTime
+    torque: TorqueOverTime  # Size of the torque [N m].
 
     @property
     def size(self) -> TimeFunction:

@@ -33,13 +33,6 @@ Rate = Annotated[
 class RayleighDamping(SceneTable):
     """Damping proportional to mass and stiffness, ``C = α M + β K``: a ratio of ``α/2ω + β ω/2`` for each mode.
 
-    Parameters
-    ----------
-    alpha : float
-        Factor of the mass [1/s].
-    beta : float
-        Factor of the stiffness [s].
-
     Examples
     --------
     ::
@@ -49,8 +42,8 @@ class RayleighDamping(SceneTable):
         beta = "2 us"
     """
 
-    alpha: Rate = 0.0
-    beta: Annotated[Time, NonNegative] = 0.0
+    alpha: Rate = 0.0  # Factor of the mass [1/s].
+    beta: Annotated[Time, NonNegative] = 0.0  # Factor of the stiffness [s].
 
     def _check(self) -> None:
         if not (self.alpha or self.beta):
@@ -93,36 +86,6 @@ Enrichment = Literal["none", "inertia", "ritz", "residual"]
 class ModeSettings(SceneTable):
     """The shapes that describe a flexible body's deformation, and how they are computed.
 
-    Parameters
-    ----------
-    count : int
-        Number of modes, above those of rigid motion. If the highest is one of a pair of equal frequency, the other is
-        taken, too.
-    family : str
-        Kind of motion that the modes are chosen from; the lowest ``count`` of that kind are taken. On a
-        free joint it takes ``enrich = "none"``, since static responses are of every kind.
-    boundary : str
-        How the body is held while it vibrates: only by its supports (``"free"``), also at the marker of the joint that
-        carries it (``"joint"``), or at its interface, whose static deflections are then added to the modes
-        (``"interface"``; Craig & Bampton).
-    interface : tuple of str
-        Markers that make up the interface; all of the body's markers, if none is named.
-    enrich : str, optional
-        Shapes that are added to the modes: the static responses to inertia loads, joint forces and loads
-        (``"inertia"``), without which stress and deflection are off, none (``"none"``), or four generations of
-        load-dependent vectors (``"ritz"``), each the responses to the inertia of the one before. ``"residual"`` are all
-        static responses, however little of them lies outside the modes, as linear answers take them; so stiff shapes
-        need short steps. If it is left out, ``"inertia"``; with an interface, whose deflections answer to joint forces
-        already, and with free modes of a body on joints with others, whose steps would be too short, ``"none"``.
-    damping : float, tuple of float or RayleighDamping
-        Damping ratio of every mode, 1 being critical; or a list of ratios, of the modes of the body on its joint, the
-        lowest first, whose last holds for all further ones; or factors of mass and stiffness.
-    solver : str
-        Program that factorises the stiffness: the fastest that is installed (``"auto"``), CHOLMOD, SciPy's SuperLU, or
-        PETSc and SLEPc over several processes.
-    ranks : int, optional
-        Number of processes for ``solver = "slepc"``; 2 if it is left out.
-
     Examples
     --------
     ::
@@ -134,13 +97,32 @@ class ModeSettings(SceneTable):
         damping = 0.01
     """
 
+    # Number of modes, above those of rigid motion. If the highest is one of a pair of equal frequency, the other is
+    # taken, too.
     count: Count
+    # Kind of motion that the modes are chosen from; the lowest ``count`` of that kind are taken. On a free joint it
+    # takes ``enrich = "none"``, since static responses are of every kind.
     family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
+    # How the body is held while it vibrates: only by its supports (``"free"``), also at the marker of the joint that
+    # carries it (``"joint"``), or at its interface, whose static deflections are then added to the modes
+    # (``"interface"``; Craig & Bampton).
     boundary: Literal["free", "joint", "interface"] = "free"
+    # Markers that make up the interface; all of the body's markers, if none is named.
     interface: tuple[Annotated[Text, Words("name of a marker")], ...] = ()
+    # Shapes that are added to the modes: the static responses to inertia loads, joint forces and loads (``"inertia"``),
+    # without which stress and deflection are off, none (``"none"``), or four generations of load-dependent vectors
+    # (``"ritz"``), each the responses to the inertia of the one before. ``"residual"`` are all static responses,
+    # however little of them lies outside the modes, as linear answers take them; so stiff shapes need short steps. If
+    # it is left out, ``"inertia"``; with an interface, whose deflections answer to joint forces already, and with free
+    # modes of a body on joints with others, whose steps would be too short, ``"none"``.
     enrich: Enrichment | None = None
+    # Damping ratio of every mode, 1 being critical; or a list of ratios, of the modes of the body on its joint, the
+    # lowest first, whose last holds for all further ones; or factors of mass and stiffness.
     damping: Damping = 0.0
+    # Program that factorises the stiffness: the fastest that is installed (``"auto"``), CHOLMOD, SciPy's SuperLU, or
+    # PETSc and SLEPc over several processes.
     solver: Literal["auto", "cholesky", "superlu", "slepc"] = "auto"
+    # Number of processes for ``solver = "slepc"``; 2 if it is left out.
     ranks: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
 
     def _check(self) -> None:
@@ -154,11 +136,6 @@ class ModeSettings(SceneTable):
 
 class ReducedModes(SceneTable):
     """Damping of a body that was reduced by another program; its shapes are those of its file.
-
-    Parameters
-    ----------
-    damping : float
-        Damping ratio of every mode in place of the file's own damping, which 0 keeps.
 
     Examples
     --------
@@ -176,7 +153,7 @@ class ReducedModes(SceneTable):
     solver: ClassVar[Literal["auto"]] = "auto"
     ranks: ClassVar[None] = None
 
-    damping: Ratio = 0.0
+    damping: Ratio = 0.0  # Damping ratio of every mode in place of the file's own damping, which 0 keeps.
 
 
 AnyModes = ModeSettings | ReducedModes

@@ -17,11 +17,6 @@ from fmd.scene.values import Axis, Turn
 class AxisDirections(SceneTable):
     """Directions of two of three axes; the third completes a right-handed system.
 
-    Parameters
-    ----------
-    x, y, z : tuple of float, optional
-        Directions of two axes, perpendicular to each other; their lengths don't count.
-
     Examples
     --------
     ::
@@ -31,6 +26,7 @@ class AxisDirections(SceneTable):
         z = [0, 0, 1]
     """
 
+    # Directions of two axes, perpendicular to each other; their lengths don't count.
     x: Axis | None = None
     y: Axis | None = None
     z: Axis | None = None
@@ -56,18 +52,10 @@ class AxisDirections(SceneTable):
 
 
 class Orientation(SceneTable):
-    """Axes of a marker, of a place or of a joint, against those that it would have else.
+    """Axes of a marker, of a place or of a joint, against those that it would have else."""
 
-    Parameters
-    ----------
-    rotate : tuple of float
-        Rotation vector: the axes are turned about this vector by its length [rad].
-    axes : AxisDirections, optional
-        Directions of the axes, in place of ``rotate``.
-    """
-
-    rotate: Turn = (0.0, 0.0, 0.0)
-    axes: AxisDirections | None = None
+    rotate: Turn = (0.0, 0.0, 0.0)  # Rotation vector: the axes are turned about this vector by its length [rad].
+    axes: AxisDirections | None = None  # Directions of the axes, in place of ``rotate``.
 
     def _check(self) -> None:
         if self.axes is not None and any(self.rotate):

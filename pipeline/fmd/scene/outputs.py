@@ -99,31 +99,6 @@ PortName = Annotated[Text, Words('text, e.g. ``"plate.tip.z"``')]
 class Chart(SceneTable):
     """A chart of one quantity over time with the curves of all runs.
 
-    Parameters
-    ----------
-    file : str
-        File of the chart.
-    quantity : str
-        Quantity that is drawn; the table of quantities below explains each.
-    joint : str, optional
-        Revolute or prismatic joint whose position or rate is drawn; needed if there are several.
-    body : str, optional
-        Flexible body whose modal coordinates are drawn; that of the tip by default.
-    marker : str, optional
-        Marker whose position in space is drawn.
-    element : str, optional
-        Named element whose stress is drawn.
-    component : str
-        Component of that stress; principal stresses are numbered from the largest.
-    unit : str, optional
-        Unit of the axis, e.g. ``"deg"`` or ``"mm/s"``; rad, m, s and MPa by default.
-    title : str
-        Text above the chart; the quantity's name by default.
-    band : tuple of float, optional
-        Range of stress that is marked [Pa].
-    band_title : str
-        Text for the band in the legend.
-
     Examples
     --------
     ::
@@ -137,17 +112,19 @@ class Chart(SceneTable):
     """
 
     type: Literal["chart"]
-    file: ChartFile
+    file: ChartFile  # File of the chart.
+    # Quantity that is drawn; the table of quantities below explains each.
     quantity: Annotated[str, OneOf((*CHART_QUANTITIES,))]
+    # Revolute or prismatic joint whose position or rate is drawn; needed if there are several.
     joint: JointName | None = None
-    body: BodyName | None = None
-    marker: MarkerName | None = None
-    element: ElementName | None = None
-    component: Component = "von Mises"
-    unit: Text | None = None
-    title: str = ""
-    band: tuple[Stress, Stress] | None = None
-    band_title: str = ""
+    body: BodyName | None = None  # Flexible body whose modal coordinates are drawn; that of the tip by default.
+    marker: MarkerName | None = None  # Marker whose position in space is drawn.
+    element: ElementName | None = None  # Named element whose stress is drawn.
+    component: Component = "von Mises"  # Component of that stress; principal stresses are numbered from the largest.
+    unit: Text | None = None  # Unit of the axis, e.g. ``"deg"`` or ``"mm/s"``; rad, m, s and MPa by default.
+    title: str = ""  # Text above the chart; the quantity's name by default.
+    band: tuple[Stress, Stress] | None = None  # Range of stress that is marked [Pa].
+    band_title: str = ""  # Text for the band in the legend.
 
     def _check(self) -> None:
         if self.quantity != "modal_coordinates" and self.body is not None:
@@ -177,19 +154,6 @@ class Orbit(SceneTable):
     A ``.png``, ``.pdf`` or ``.svg`` has a curve for each run, with a dot where it begins; a ``.csv`` has time and place
     over the first run.
 
-    Parameters
-    ----------
-    file : str
-        File of the chart or the table.
-    marker : str
-        Marker whose path is drawn.
-    plane : str
-        Axes of space across and upwards.
-    start : float
-        Time from which the path is drawn, to leave out a run-up [s].
-    title : str
-        Text above the chart.
-
     Examples
     --------
     ::
@@ -203,41 +167,15 @@ class Orbit(SceneTable):
     """
 
     type: Literal["orbit"]
-    file: Annotated[str, FileCheck((".png", ".pdf", ".svg", ".csv"))]
-    marker: MarkerName
-    plane: Literal["xy", "xz", "yz", "yx", "zx", "zy"] = "xy"
-    start: NonNegativeTime = 0.0
-    title: str = ""
+    file: Annotated[str, FileCheck((".png", ".pdf", ".svg", ".csv"))]  # File of the chart or the table.
+    marker: MarkerName  # Marker whose path is drawn.
+    plane: Literal["xy", "xz", "yz", "yx", "zx", "zy"] = "xy"  # Axes of space across and upwards.
+    start: NonNegativeTime = 0.0  # Time from which the path is drawn, to leave out a run-up [s].
+    title: str = ""  # Text above the chart.
 
 
 class FrequencyResponseChart(SceneTable):
     """Frequency response of the scene, linearised about a state: chart, table and NetCDF file.
-
-    Parameters
-    ----------
-    file : str
-        File of the chart; a table (``.csv``) and a NetCDF file (``.nc``) of the same name stand beside it.
-    input : str
-        What acts: ``"body.marker.z"`` (a force), ``".rz"`` (a moment), ``"drive.NAME"``, ``"JOINT.torque"``,
-        ``"JOINT.force"`` or ``"ground.z"`` (an acceleration of the ground).
-    output : str or tuple of str
-        What answers: ``"body.marker.z"``, also ``".velocity"`` or ``".acceleration"`` of it, ``"JOINT.position"``,
-        ``"body.element.xx"``.
-    to : float
-        Highest frequency [Hz].
-    from_ : float, optional
-        Lowest frequency [Hz]; a thousandth of the highest by default. In a scene its name is ``from``.
-    points : int
-        Number of evenly spaced frequencies; more are added about each resonance.
-    about : str
-        State of linearisation: the scene's ``"start"``, its ``"equilibrium"``, a ``"steady"`` motion, or a time of the
-        first run in seconds.
-    psd : float or str, optional
-        One-sided power spectral density of a random input, in the input's SI unit squared per Hz: a number, a formula
-        of the frequency f in Hz, or a ``.csv`` file of frequencies and densities. With it, root mean squares of the
-        outputs are computed.
-    title : str
-        Text above the chart.
 
     Examples
     --------
@@ -253,15 +191,27 @@ class FrequencyResponseChart(SceneTable):
     """
 
     type: Literal["frf"]
+    # File of the chart; a table (``.csv``) and a NetCDF file (``.nc``) of the same name stand beside it.
     file: ChartFile
+    # What acts: ``"body.marker.z"`` (a force), ``".rz"`` (a moment), ``"drive.NAME"``, ``"JOINT.torque"``,
+    # ``"JOINT.force"`` or ``"ground.z"`` (an acceleration of the ground).
     input: PortName
+    # What answers: ``"body.marker.z"``, also ``".velocity"`` or ``".acceleration"`` of it, ``"JOINT.position"``,
+    # ``"body.element.xx"``.
     output: PortName | Annotated[tuple[PortName, ...], Field(min_length=1, max_length=20)]
-    to: PositiveFrequency
+    to: PositiveFrequency  # Highest frequency [Hz].
+    # Lowest frequency [Hz]; a thousandth of the highest by default. In a scene its name is ``from``.
     from_: Annotated[Frequency, NonNegative] | None = Field(default=None, alias="from")
+    # Number of evenly spaced frequencies; more are added about each resonance.
     points: Annotated[int, Field(strict=True, ge=2, le=100_000)] = 1000
+    # State of linearisation: the scene's ``"start"``, its ``"equilibrium"``, a ``"steady"`` motion, or a time of the
+    # first run in seconds.
     about: Text = "start"
+    # One-sided power spectral density of a random input, in the input's SI unit squared per Hz: a number, a formula of
+    # the frequency f in Hz, or a ``.csv`` file of frequencies and densities. With it, root mean squares of the outputs
+    # are computed.
     psd: Density | None = None
-    title: str = ""
+    title: str = ""  # Text above the chart.
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -281,17 +231,6 @@ class Export(SceneTable):
     ``.msh`` and ``.vtu`` hold the mesh with its parts, ``.vtkhdf`` displacement and stress at several times for
     ParaView, ``.nc`` the reduced body: modes, mass, stiffness, inertia integrals and the stress of each mode.
 
-    Parameters
-    ----------
-    file : str
-        File that is written.
-    format : str, optional
-        Format of another program, as of ``fmd export --to``.
-    body : str, optional
-        Flexible body that it holds, where it holds one; the scene's only one by default.
-    frames : int
-        Number of output times in a ``.vtkhdf`` file, spread over the duration.
-
     Examples
     --------
     ::
@@ -304,9 +243,11 @@ class Export(SceneTable):
     """
 
     type: Literal["export"]
-    file: Annotated[str, FileCheck((*_SUFFIXES, *_FORMAT_SUFFIXES))]
+    file: Annotated[str, FileCheck((*_SUFFIXES, *_FORMAT_SUFFIXES))]  # File that is written.
+    # Format of another program, as of ``fmd export --to``.
     format: Annotated[str, OneOf((*EXPORT_FORMATS,))] | None = None
-    body: BodyName | None = None
+    body: BodyName | None = None  # Flexible body that it holds, where it holds one; the scene's only one by default.
+    # Number of output times in a ``.vtkhdf`` file, spread over the duration.
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21
 
     def _check(self) -> None:

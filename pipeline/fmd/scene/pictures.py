@@ -31,48 +31,23 @@ Component = Literal["von Mises", "xx", "yy", "zz", "yz", "xz", "xy", "principal 
 
 
 class PictureSettings(SceneTable):
-    """Keys that pictures and films have in common.
+    """Keys that pictures and films have in common."""
 
-    Parameters
-    ----------
-    file : str
-        File that is written.
-    size : tuple of int, optional
-        Width and height in pixels.
-    camera : tuple of float, optional
-        Direction of the viewer from what is drawn: azimuth about z, counted from x, and elevation [rad].
-    zoom : float
-        Factor on the size in the picture.
-    focus : tuple of float, optional
-        Point in the middle of a close-up [m].
-    extent : float, optional
-        Length that the picture's width covers [m].
-    colour_map : str
-        Colour map: ``light turbo``, whose lower end is light, or a name in Matplotlib.
-    title : str
-        Text above; by default it is made from the scene's title.
-    """
-
-    file: PictureFile
-    size: tuple[Pixels, Pixels] | None = None
+    file: PictureFile  # File that is written.
+    size: tuple[Pixels, Pixels] | None = None  # Width and height in pixels.
+    # Direction of the viewer from what is drawn: azimuth about z, counted from x, and elevation [rad].
     camera: tuple[Angle, Annotated[Angle, Field(ge=-1.58, le=1.58)]] | None = None
-    zoom: Annotated[Number, Field(ge=0.01, le=1000.0)] = 1.0
-    focus: Point | None = None
-    extent: PositiveLength | None = None
-    colour_map: Text = "light turbo"
-    title: str = ""
+    zoom: Annotated[Number, Field(ge=0.01, le=1000.0)] = 1.0  # Factor on the size in the picture.
+    focus: Point | None = None  # Point in the middle of a close-up [m].
+    extent: PositiveLength | None = None  # Length that the picture's width covers [m].
+    colour_map: Text = "light turbo"  # Colour map: ``light turbo``, whose lower end is light, or a name in Matplotlib.
+    title: str = ""  # Text above; by default it is made from the scene's title.
 
 
 class BodyPicture(PictureSettings):
-    """Keys that pictures of one flexible body have in common.
+    """Keys that pictures of one flexible body have in common."""
 
-    Parameters
-    ----------
-    body : str
-        Flexible body that is drawn; the scene's only one by default.
-    """
-
-    body: BodyName
+    body: BodyName  # Flexible body that is drawn; the scene's only one by default.
 
 
 class MeshPicture(BodyPicture):
@@ -95,13 +70,6 @@ class MeshPicture(BodyPicture):
 class ModePictures(BodyPicture):
     """A picture of each mode shape, one file a mode.
 
-    Parameters
-    ----------
-    file : str
-        Files of the pictures; the mode's number replaces ``{mode}``.
-    scale : float, optional
-        Factor on the shapes; 1 by default, which draws them at 8 % of the body's largest extent.
-
     Examples
     --------
     ::
@@ -113,19 +81,13 @@ class ModePictures(BodyPicture):
     """
 
     type: Literal["modes"]
-    file: ModeFile
+    file: ModeFile  # Files of the pictures; the mode's number replaces ``{mode}``.
+    # Factor on the shapes; 1 by default, which draws them at 8 % of the body's largest extent.
     scale: Annotated[Number, Positive] | None = None
 
 
 class ModeSheet(BodyPicture):
     """One picture of the first elastic modes side by side.
-
-    Parameters
-    ----------
-    count : int
-        Number of modes.
-    scale : float
-        Factor on the shapes; 1 draws them at 8 % of the body's largest extent.
 
     Examples
     --------
@@ -139,8 +101,8 @@ class ModeSheet(BodyPicture):
     """
 
     type: Literal["mode sheet"]
-    count: Annotated[int, Field(strict=True, ge=1, le=30)] = 6
-    scale: Annotated[Number, Positive] = 1.0
+    count: Annotated[int, Field(strict=True, ge=1, le=30)] = 6  # Number of modes.
+    scale: Annotated[Number, Positive] = 1.0  # Factor on the shapes; 1 draws them at 8 % of the body's largest extent.
 
 
 class MechanismView(PictureSettings):
@@ -148,23 +110,12 @@ class MechanismView(PictureSettings):
 
     They show all bodies, flexible ones with their mesh, rigid ones as shapes, marks of the joints, springs, and where
     the ground holds them.
-
-    Parameters
-    ----------
-    body : str, optional
-        Flexible body whose stress is coloured; all of them by default.
-    component : str
-        Component of the stress; principal stresses are numbered from the largest.
-    scale : float
-        Factor on the deformation in the picture.
-    alone : bool
-        True to leave out everything but ``body``.
     """
 
-    body: BodyName | None = None
-    component: Component = "von Mises"
-    scale: Scale = 1.0
-    alone: bool = False
+    body: BodyName | None = None  # Flexible body whose stress is coloured; all of them by default.
+    component: Component = "von Mises"  # Component of the stress; principal stresses are numbered from the largest.
+    scale: Scale = 1.0  # Factor on the deformation in the picture.
+    alone: bool = False  # True to leave out everything but ``body``.
 
     def _check(self) -> None:
         if self.alone and self.body is None:
@@ -193,11 +144,6 @@ class StressPicture(MechanismView):
 class MechanismPicture(MechanismView):
     """A picture of the whole mechanism at one time.
 
-    Parameters
-    ----------
-    time : float
-        Time, of which the nearest output time is shown [s].
-
     Examples
     --------
     ::
@@ -209,24 +155,13 @@ class MechanismPicture(MechanismView):
     """
 
     type: Literal["mechanism"]
-    time: NonNegativeTime = 0.0
+    time: NonNegativeTime = 0.0  # Time, of which the nearest output time is shown [s].
 
 
 class Film(MechanismView):
     """A film of the mechanism in motion, its flexible bodies coloured by the stress on their surface.
 
     The camera sees the whole motion.
-
-    Parameters
-    ----------
-    span : str
-        What the colours span: ``largest``, to the largest stress of all frames; ``usual``, to their 99th percentile,
-        which tells more apart where one instant or one corner has far more stress than the rest; ``frame``, each frame
-        to its own largest stress, with a scale that changes.
-    frames : int
-        Number of pictures, spread over the duration.
-    rate : float
-        Pictures a second when the film is played.
 
     Examples
     --------
@@ -240,7 +175,10 @@ class Film(MechanismView):
     """
 
     type: Literal["film"]
+    # What the colours span: ``largest``, to the largest stress of all frames; ``usual``, to their 99th percentile,
+    # which tells more apart where one instant or one corner has far more stress than the rest; ``frame``, each frame to
+    # its own largest stress, with a scale that changes.
     span: Literal["largest", "usual", "frame"] = "largest"
     file: Annotated[str, FileCheck((".mp4", ".gif"))]
-    frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 75
-    rate: Annotated[Number, Positive] = 25.0
+    frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 75  # Number of pictures, spread over the duration.
+    rate: Annotated[Number, Positive] = 25.0  # Pictures a second when the film is played.

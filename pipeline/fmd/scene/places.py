@@ -43,32 +43,6 @@ class MarkerPlace(Orientation):
     force at a point or on an edge has no finite deflection under it: on finer meshes it grows, and so does the stress
     around it, which is left out of the largest stress. Take faces for joints and loads, points for results.
 
-    Parameters
-    ----------
-    face : str or tuple of str, optional
-        One face of the shape, or several that make one marker. The faces of each shape are listed with it; those of a
-        mesh or CAD file are printed by ``fmd mesh``.
-    near : tuple of float, optional
-        A point [m]; the marker is the smooth face nearest to it, up to edges sharper than 40°.
-    plane : tuple, optional
-        Plane; all of the surface in it is the marker.
-    edge : tuple, optional
-        Two ends of a straight edge [m], or the names of two faces that meet in an edge.
-    at : tuple of float, optional
-        A point in or on the body [m]; the marker moves and turns as the material there, by interpolation.
-    node : tuple of float, optional
-        A point [m]; the marker is the node nearest to it.
-    nodes : tuple of int, optional
-        Numbers of the nodes in the file, for a body that is given by its matrices.
-    link : str or int, optional
-        Name of a link of the body; the marker is its reference point. Of a deck's links the number of a point, or the
-        name of a set that holds it alone.
-    attachment : str
-        How the marker follows its nodes: their mean motion (``"averaged"``, RBE3), which leaves the face free to
-        deform, or as a rigid face (``"rigid"``, RBE2). Points and edges have no other than ``"averaged"``. By default a
-        face by which a fixed joint clamps a body of solids or shells that touches no other is rigid if it is broad, of
-        more than a quarter of the body's reach from it; all others are averaged.
-
     Examples
     --------
     ::
@@ -82,14 +56,24 @@ class MarkerPlace(Orientation):
         sensor = { at = ["12 mm", "4 mm", "4 mm"], rotate = ["0 deg", "0 deg", "30 deg"] }
     """
 
+    # One face of the shape, or several that make one marker. The faces of each shape are listed with it; those of a
+    # mesh or CAD file are printed by ``fmd mesh``.
     face: FaceName | Annotated[tuple[FaceName, ...], Field(min_length=1, max_length=100)] | None = None
-    near: Point | None = None
-    plane: Plane | None = None
-    edge: Edge | None = None
+    near: Point | None = None  # A point [m]; the marker is the smooth face nearest to it, up to edges sharper than 40°.
+    plane: Plane | None = None  # Plane; all of the surface in it is the marker.
+    edge: Edge | None = None  # Two ends of a straight edge [m], or the names of two faces that meet in an edge.
+    # A point in or on the body [m]; the marker moves and turns as the material there, by interpolation.
     at: Point | None = None
+    # A point [m]; the marker is the node nearest to it.
     node: Annotated[Point | None, BeforeValidator(_refuse_number)] = None
-    nodes: tuple[int, ...] | None = None
+    nodes: tuple[int, ...] | None = None  # Numbers of the nodes in the file, for a body that is given by its matrices.
+    # Name of a link of the body; the marker is its reference point. Of a deck's links the number of a point, or the
+    # name of a set that holds it alone.
     link: LinkName | None = None
+    # How the marker follows its nodes: their mean motion (``"averaged"``, RBE3), which leaves the face free to deform,
+    # or as a rigid face (``"rigid"``, RBE2). Points and edges have no other than ``"averaged"``. By default a face by
+    # which a fixed joint clamps a body of solids or shells that touches no other is rigid if it is broad, of more than
+    # a quarter of the body's reach from it; all others are averaged.
     attachment: Literal["averaged", "rigid"] | None = None
 
     @property
@@ -127,18 +111,6 @@ class Support(SceneTable):
 
     Exactly one of ``face``, ``edge`` and ``point`` says which nodes.
 
-    Parameters
-    ----------
-    face : str or tuple of str
-        One face, or the nodes that several faces have in common: two meet in an edge, three in a corner. A
-        node set of a file holds all of its nodes.
-    edge : tuple, optional
-        Two ends of a straight line of nodes [m].
-    point : tuple of float, optional
-        A point [m]; the node nearest to it is held.
-    fixed : tuple of str
-        Directions in which the nodes are held.
-
     Examples
     --------
     ::
@@ -151,9 +123,12 @@ class Support(SceneTable):
         point = ["0 m", "0 m", "0 m"]
     """
 
+    # One face, or the nodes that several faces have in common: two meet in an edge, three in a corner. A node set of a
+    # file holds all of its nodes.
     face: FaceName | Annotated[tuple[FaceName, ...], Field(min_length=1, max_length=10)] = ()
-    edge: tuple[Point, Point] | None = None
-    point: Point | None = None
+    edge: tuple[Point, Point] | None = None  # Two ends of a straight line of nodes [m].
+    point: Point | None = None  # A point [m]; the node nearest to it is held.
+    # Directions in which the nodes are held.
     fixed: Annotated[tuple[Literal["x", "y", "z"], ...], Field(min_length=1)] = ("x", "y", "z")
 
     @property
@@ -174,13 +149,6 @@ class Support(SceneTable):
 class NamedElement(SceneTable):
     """A finite element of a flexible body, named so that a chart can draw its stress over time.
 
-    Parameters
-    ----------
-    at : tuple of float
-        A point of the body's frame [m]; the element whose middle is nearest to it is meant, of a shell its nearer face.
-    part : str, optional
-        Part of the mesh that the element is looked for in, e.g. ``"joints"``.
-
     Examples
     --------
     ::
@@ -189,21 +157,15 @@ class NamedElement(SceneTable):
         joint = { part = "joints", at = ["86 mm", "4 mm", "5 mm"] }
     """
 
+    # A point of the body's frame [m]; the element whose middle is nearest to it is meant, of a shell its nearer face.
     at: Point
-    part: PartName | None = None
+    part: PartName | None = None  # Part of the mesh that the element is looked for in, e.g. ``"joints"``.
 
 
 class GroundPlace(Orientation):
     """A named place on the ground, which stands still; joints hang on it as on a marker, ``"ground.NAME"``.
 
     Its axes are those of space, or turned against them; a joint's axis, and the body that it carries, are in them.
-
-    Parameters
-    ----------
-    at : tuple of float
-        Position in space [m].
-    rotation : tuple of float, optional
-        Older name of ``rotate`` [rad].
 
     Examples
     --------
@@ -214,8 +176,8 @@ class GroundPlace(Orientation):
         rotate = ["0 deg", "0 deg", "90 deg"]
     """
 
-    at: Point
-    rotation: Turn | None = None
+    at: Point  # Position in space [m].
+    rotation: Turn | None = None  # Older name of ``rotate`` [rad].
 
     @model_validator(mode="after")
     def _read_the_older_name(self) -> Self:

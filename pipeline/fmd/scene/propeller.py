@@ -18,24 +18,6 @@ Sections = Annotated[tuple[PositiveLength, ...], Field(min_length=1, max_length=
 class PropellerMesh(DividedMesh):
     """Division of a propeller into elements that conform from sleeve to joint to blade.
 
-    Parameters
-    ----------
-    element : str
-        Shape of the elements; six tetrahedra take the place of each hexahedron.
-    order : int
-        Polynomial order of the displacement in an element; elements of order 2 have curved edges.
-    sleeve : tuple of int
-        Elements of the sleeve around, along the axis and along the radius; the number around must be a multiple of the
-        number of blades.
-    joint : tuple of int
-        Elements of each joint along the chord (at the root that is the sleeve's axis), across the thickness and along
-        the radius.
-    blade : tuple of int
-        Elements of each blade along the chord, across the thickness and along the radius; the first two are those of
-        the joint.
-    growth : float
-        Radial extent of a blade's elements at its tip over that at its root.
-
     Examples
     --------
     ::
@@ -47,11 +29,19 @@ class PropellerMesh(DividedMesh):
         blade = [10, 8, 27]
     """
 
+    # Shape of the elements; six tetrahedra take the place of each hexahedron.
     element: Literal["hexahedron", "tetrahedron"] = "hexahedron"
-    order: Order = 2
+    order: Order = 2  # Polynomial order of the displacement in an element; elements of order 2 have curved edges.
+    # Elements of the sleeve around, along the axis and along the radius; the number around must be a multiple of the
+    # number of blades.
     sleeve: tuple[Count, Count, Count] = (66, 10, 3)
+    # Elements of each joint along the chord (at the root that is the sleeve's axis), across the thickness and along the
+    # radius.
     joint: tuple[Count, Count, Count] = (10, 8, 12)
+    # Elements of each blade along the chord, across the thickness and along the radius; the first two are those of the
+    # joint.
     blade: tuple[Count, Count, Count] = (10, 8, 27)
+    # Radial extent of a blade's elements at its tip over that at its root.
     growth: Annotated[Number, Field(ge=0.05, le=20.0)] = 4.0
 
 
@@ -61,35 +51,6 @@ class Propeller(Solid):
     The first blade is on the x axis. The faces are ``bore``, ``back`` and ``front`` (the ends of the sleeve where z is
     least and greatest), and of each blade ``tip-1``, ``pressure-1``, ``suction-1`` and so on; the parts are ``sleeve``,
     ``joints`` and ``blades``.
-
-    Parameters
-    ----------
-    blades : int
-        Number of blades.
-    bore : float
-        Diameter of the sleeve's bore [m].
-    hub : float
-        Outer diameter of the sleeve [m].
-    root : float
-        Diameter of the circle where joints become blades [m].
-    diameter : float
-        Diameter of the circle through the blades' tips [m].
-    length : float
-        Extent of the sleeve along z [m].
-    chord : tuple of float
-        Chords of the blade's section, at equal distances from root to tip [m].
-    thickness : tuple of float
-        Thicknesses of the blade's section in its middle, at equal distances from root to tip [m].
-    pitch : tuple of float
-        Angles of the blade's section against the plane of rotation, at equal distances from root to tip [rad].
-    camber : float
-        Rise of a section's middle line over its chord.
-    edge : float
-        Thickness of a section's edges over that of its middle.
-    seat : float, optional
-        Angle that each joint takes of the sleeve [rad]; by default its share of the elements around.
-    mesh : PropellerMesh
-        Division into elements.
 
     Examples
     --------
@@ -115,19 +76,21 @@ class Propeller(Solid):
     """
 
     shape: Literal["propeller"]
-    blades: Annotated[int, Field(strict=True, ge=2, le=24)]
-    bore: PositiveLength
-    hub: PositiveLength
-    root: PositiveLength
-    diameter: PositiveLength
-    length: PositiveLength
-    chord: Sections
-    thickness: Sections
+    blades: Annotated[int, Field(strict=True, ge=2, le=24)]  # Number of blades.
+    bore: PositiveLength  # Diameter of the sleeve's bore [m].
+    hub: PositiveLength  # Outer diameter of the sleeve [m].
+    root: PositiveLength  # Diameter of the circle where joints become blades [m].
+    diameter: PositiveLength  # Diameter of the circle through the blades' tips [m].
+    length: PositiveLength  # Extent of the sleeve along z [m].
+    chord: Sections  # Chords of the blade's section, at equal distances from root to tip [m].
+    thickness: Sections  # Thicknesses of the blade's section in its middle, at equal distances from root to tip [m].
+    # Angles of the blade's section against the plane of rotation, at equal distances from root to tip [rad].
     pitch: Annotated[tuple[Angle, ...], Field(min_length=1, max_length=20)]
-    camber: Annotated[Number, Field(ge=-0.2, le=0.2)] = 0.0
-    edge: Annotated[Number, Field(ge=0.05, le=1.0)] = 0.3
+    camber: Annotated[Number, Field(ge=-0.2, le=0.2)] = 0.0  # Rise of a section's middle line over its chord.
+    edge: Annotated[Number, Field(ge=0.05, le=1.0)] = 0.3  # Thickness of a section's edges over that of its middle.
+    # Angle that each joint takes of the sleeve [rad]; by default its share of the elements around.
     seat: Annotated[Angle, Field(gt=0)] | None = None
-    mesh: PropellerMesh
+    mesh: PropellerMesh  # Division into elements.
 
     @property
     def faces(self) -> tuple[str, ...]:

@@ -19,29 +19,6 @@ class BodyFile(SceneTable):
 
     Units, nodes and mass belong to superelements; other files are in SI units and have all of that.
 
-    Parameters
-    ----------
-    file : str
-        Standard input data (``.SID_FEM``), modal data of MBDyn (``.fem``) or of Exudyn's
-        ``ObjectFFRFreducedOrderInterface`` (``.npz``), our own NetCDF (``.nc``), or a superelement: Nastran's as DMIG
-        (``.pch``), OUTPUT4 or OUTPUT2 (``.op4``, ``.op2``), Abaqus' substructure (``.mtx``), relative to the scene.
-    nodes : str, optional
-        Places of the boundary's nodes: a deck of Nastran or Abaqus, or rows of number, x, y, z. Of OUTPUT4 and OUTPUT2
-        the ``.pch`` of that run, whose EXTRN lists the unknowns.
-    unit : str
-        Unit of length of nodes and matrices.
-    stiffness_unit : str
-        Unit of the stiffness matrix.
-    mass_unit : str
-        Unit of the mass matrix.
-    mass : float, optional
-        Mass of the whole body, which the mass matrix is to have [kg].
-    recovery : str, optional
-        Displacements of points within by the superelement's unknowns, three rows a point, or six with rotations: Matrix
-        Market (``.mtx``), ``.npz``, or Nastran's OUTPUT4 or OUTPUT2 (``.op4``, ``.op2``).
-    recovery_nodes : str, optional
-        Those points, as ``nodes``.
-
     Examples
     --------
     ::
@@ -50,14 +27,21 @@ class BodyFile(SceneTable):
         file = "arm.SID_FEM"
     """
 
+    # Standard input data (``.SID_FEM``), modal data of MBDyn (``.fem``) or of Exudyn's
+    # ``ObjectFFRFreducedOrderInterface`` (``.npz``), our own NetCDF (``.nc``), or a superelement: Nastran's as DMIG
+    # (``.pch``), OUTPUT4 or OUTPUT2 (``.op4``, ``.op2``), Abaqus' substructure (``.mtx``), relative to the scene.
     file: SourceFile
+    # Places of the boundary's nodes: a deck of Nastran or Abaqus, or rows of number, x, y, z. Of OUTPUT4 and OUTPUT2
+    # the ``.pch`` of that run, whose EXTRN lists the unknowns.
     nodes: SourceFile | None = None
-    unit: LengthUnit = "m"
-    stiffness_unit: Annotated[str, UnitCheck("N/m")] = "N/m"
-    mass_unit: MassUnit = "kg"
-    mass: PositiveMass | None = None
+    unit: LengthUnit = "m"  # Unit of length of nodes and matrices.
+    stiffness_unit: Annotated[str, UnitCheck("N/m")] = "N/m"  # Unit of the stiffness matrix.
+    mass_unit: MassUnit = "kg"  # Unit of the mass matrix.
+    mass: PositiveMass | None = None  # Mass of the whole body, which the mass matrix is to have [kg].
+    # Displacements of points within by the superelement's unknowns, three rows a point, or six with rotations: Matrix
+    # Market (``.mtx``), ``.npz``, or Nastran's OUTPUT4 or OUTPUT2 (``.op4``, ``.op2``).
     recovery: SourceFile | None = None
-    recovery_nodes: SourceFile | None = None
+    recovery_nodes: SourceFile | None = None  # Those points, as ``nodes``.
 
     def _check(self) -> None:
         if (self.recovery is None) != (self.recovery_nodes is None):
@@ -67,11 +51,6 @@ class BodyFile(SceneTable):
 
 class FileNode(Orientation):
     """A named place on a reduced body, where joints and loads act and motion is recorded, with axes of its own.
-
-    Parameters
-    ----------
-    node : str or tuple of str
-        Label of the file's node, or labels of three or more whose mean motion is meant.
 
     Examples
     --------
@@ -85,6 +64,7 @@ class FileNode(Orientation):
     attachment: ClassVar[str] = "averaged"
     face: ClassVar[None] = None
 
+    # Label of the file's node, or labels of three or more whose mean motion is meant.
     node: Text | Annotated[tuple[Text, ...], Field(min_length=1, max_length=10_000)]
 
     @property
@@ -101,17 +81,6 @@ class FileNode(Orientation):
 class ReducedPart(Meshless):
     """A body that another program has reduced: it has motion and, if its file has it, stress, but no mesh.
 
-    Parameters
-    ----------
-    shape : str
-        Kind of body; ``body`` alone says it, too.
-    body : BodyFile
-        The file.
-    modes : ReducedModes
-        Damping, where it isn't the file's.
-    marker : dict of str to FileNode
-        Places for joints and loads, by name.
-
     Examples
     --------
     ::
@@ -123,7 +92,7 @@ class ReducedPart(Meshless):
 
     file_keys = ("body", "file", "nodes", "recovery", "recovery_nodes")
 
-    shape: Literal["reduced"]
-    body: BodyFile
-    modes: ReducedModes = ReducedModes()
-    marker: dict[Name, FileNode]
+    shape: Literal["reduced"]  # Kind of body; ``body`` alone says it, too.
+    body: BodyFile  # The file.
+    modes: ReducedModes = ReducedModes()  # Damping, where it isn't the file's.
+    marker: dict[Name, FileNode]  # Places for joints and loads, by name.

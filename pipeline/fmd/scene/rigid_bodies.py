@@ -27,11 +27,6 @@ def require_possible_moments(inertia: tuple[float, float, float]) -> None:
 class PointMarker(Orientation):
     """A named point of a rigid body, where joints and loads act and motion is recorded, with axes of its own.
 
-    Parameters
-    ----------
-    at : tuple of float
-        Position in the body's frame [m].
-
     Examples
     --------
     ::
@@ -40,28 +35,18 @@ class PointMarker(Orientation):
         elbow = { at = ["0.5 m", "0 m", "0 m"] }
     """
 
-    at: Point
+    at: Point  # Position in the body's frame [m].
 
 
 class Undeformable(SceneTable):
-    """Keys that rigid bodies have in common.
+    """Keys that rigid bodies have in common."""
 
-    Parameters
-    ----------
-    mass : float
-        Mass of the body [kg].
-    marker : dict of str to PointMarker
-        Points for joints, loads and results, by name.
-    visual : tuple of Visual
-        Shapes in pictures and films. By default a rod is one of its length, a point mass a ball, and any other body
-        its surfaces, else rods or a plate through its markers, or the box that has its inertia.
-    surface : dict of str to RigidSurface
-        Balls, boxes, pins, bores and files of triangles that may touch something, by name.
-    """
-
-    mass: PositiveMass
-    marker: dict[Name, PointMarker]
+    mass: PositiveMass  # Mass of the body [kg].
+    marker: dict[Name, PointMarker]  # Points for joints, loads and results, by name.
+    # Shapes in pictures and films. By default a rod is one of its length, a point mass a ball, and any other body its
+    # surfaces, else rods or a plate through its markers, or the box that has its inertia.
     visual: Visuals = ()
+    # Balls, boxes, pins, bores and files of triangles that may touch something, by name.
     surface: dict[Name, RigidSurface] = Field(default_factory=dict)
 
     def _check(self) -> None:
@@ -72,11 +57,6 @@ class Undeformable(SceneTable):
 
 class Rod(Undeformable):
     """A uniform slender rigid rod along x, from the origin of its frame.
-
-    Parameters
-    ----------
-    length : float
-        Extent along x [m].
 
     Examples
     --------
@@ -90,7 +70,7 @@ class Rod(Undeformable):
     """
 
     shape: Literal["rod"]
-    length: PositiveLength
+    length: PositiveLength  # Extent along x [m].
 
 
 class PointMass(Undeformable):
@@ -112,13 +92,6 @@ class PointMass(Undeformable):
 class RigidBody(Undeformable):
     """A rigid body of any shape, given by its mass, centre of mass and moments of inertia.
 
-    Parameters
-    ----------
-    centre : tuple of float
-        Centre of mass in the body's frame [m].
-    inertia : tuple of float
-        Principal moments about the centre of mass, along the frame's x, y and z [kg m²].
-
     Examples
     --------
     ::
@@ -132,7 +105,8 @@ class RigidBody(Undeformable):
     """
 
     shape: Literal["rigid"]
-    centre: Point = (0.0, 0.0, 0.0)
+    centre: Point = (0.0, 0.0, 0.0)  # Centre of mass in the body's frame [m].
+    # Principal moments about the centre of mass, along the frame's x, y and z [kg m²].
     inertia: tuple[Moment, Moment, Moment]
 
     def _check(self) -> None:

@@ -13,29 +13,14 @@ from fmd.scene.visuals import VisualFile
 
 
 class ElasticSurface(SceneTable):
-    """Keys that all surfaces of rigid bodies have in common.
+    """Keys that all surfaces of rigid bodies have in common."""
 
-    Parameters
-    ----------
-    E : float
-        Young's modulus of the material there [Pa].
-    nu : float
-        Poisson's ratio.
-    """
-
-    E: PositiveStress
-    nu: Poisson
+    E: PositiveStress  # Young's modulus of the material there [Pa].
+    nu: Poisson  # Poisson's ratio.
 
 
 class BallSurface(ElasticSurface):
     """A ball, or a rounded tip.
-
-    Parameters
-    ----------
-    radius : float
-        Radius [m].
-    at : tuple of float
-        Centre in the body's frame [m].
 
     Examples
     --------
@@ -49,24 +34,12 @@ class BallSurface(ElasticSurface):
     """
 
     type: Literal["ball"]
-    radius: PositiveLength
-    at: Point = (0.0, 0.0, 0.0)
+    radius: PositiveLength  # Radius [m].
+    at: Point = (0.0, 0.0, 0.0)  # Centre in the body's frame [m].
 
 
 class BoxSurface(ElasticSurface):
     """A box with rounded edges and corners.
-
-    Parameters
-    ----------
-    size : tuple of float
-        Extents along x, y and z [m].
-    at : tuple of float
-        Middle in the body's frame [m].
-    rotation : tuple of float
-        Rotation vector that turns the box in the body's frame [rad].
-    rounding : float, optional
-        Radius of its edges and corners [m]; by default a twentieth of the least extent. A sharp corner would dent
-        under the least force.
 
     Examples
     --------
@@ -80,9 +53,11 @@ class BoxSurface(ElasticSurface):
     """
 
     type: Literal["box"]
-    size: tuple[PositiveLength, PositiveLength, PositiveLength]
-    at: Point = (0.0, 0.0, 0.0)
-    rotation: Turn = (0.0, 0.0, 0.0)
+    size: tuple[PositiveLength, PositiveLength, PositiveLength]  # Extents along x, y and z [m].
+    at: Point = (0.0, 0.0, 0.0)  # Middle in the body's frame [m].
+    rotation: Turn = (0.0, 0.0, 0.0)  # Rotation vector that turns the box in the body's frame [rad].
+    # Radius of its edges and corners [m]; by default a twentieth of the least extent. A sharp corner would dent under
+    # the least force.
     rounding: PositiveLength | None = None
 
     @property
@@ -96,19 +71,12 @@ class BoxSurface(ElasticSurface):
 
 
 class AxialSurface(ElasticSurface):
-    """Keys of surfaces around an axis.
+    """Keys of surfaces around an axis."""
 
-    Parameters
-    ----------
-    start, end : tuple of float
-        Ends of the axis in the body's frame [m].
-    radius : float
-        Radius [m].
-    """
-
+    # Ends of the axis in the body's frame [m].
     start: Point
     end: Point
-    radius: PositiveLength
+    radius: PositiveLength  # Radius [m].
 
     def _check(self) -> None:
         if self.start == self.end:
@@ -156,17 +124,6 @@ class BoreSurface(AxialSurface):
 class FileSurface(ElasticSurface):
     """Triangles of an STL, OBJ or CAD file, counter-clockwise seen from outside, whose corners touch: 1,000 at most.
 
-    Parameters
-    ----------
-    file : str
-        The file, relative to the scene's.
-    unit : str
-        Unit of length of an STL or OBJ file; CAD files hold their own.
-    at : tuple of float
-        Place of the file's origin in the body's frame [m].
-    rotation : tuple of float
-        Rotation vector that turns the file's axes in the body's frame [rad].
-
     Examples
     --------
     ::
@@ -179,10 +136,10 @@ class FileSurface(ElasticSurface):
     """
 
     type: Literal["file"]
-    file: VisualFile
-    unit: LengthUnit = "mm"
-    at: Point = (0.0, 0.0, 0.0)
-    rotation: Turn = (0.0, 0.0, 0.0)
+    file: VisualFile  # The file, relative to the scene's.
+    unit: LengthUnit = "mm"  # Unit of length of an STL or OBJ file; CAD files hold their own.
+    at: Point = (0.0, 0.0, 0.0)  # Place of the file's origin in the body's frame [m].
+    rotation: Turn = (0.0, 0.0, 0.0)  # Rotation vector that turns the file's axes in the body's frame [rad].
 
 
 SURFACES = (BallSurface, BoxSurface, PinSurface, BoreSurface, FileSurface)

@@ -75,14 +75,9 @@ class RunTable(SceneTable):
 
 
 class SteppedRun(RunTable):
-    """A run whose step is given.
+    """A run whose step is given."""
 
-    Parameters
-    ----------
-    step : float, optional
-        Time step [s]; by default that of the simulation. In sub-cycling it is the fast one.
-    """
-
+    # Time step [s]; by default that of the simulation. In sub-cycling it is the fast one.
     step: PositiveTime | None = None
 
     @field_validator("step", mode="before")
@@ -101,15 +96,9 @@ class SteeredRun(RunTable):
 
 
 class TolerantRun(SteeredRun):
-    """A run whose steps keep a tolerance.
+    """A run whose steps keep a tolerance."""
 
-    Parameters
-    ----------
-    tolerance : float
-        Relative tolerance of the error in a step.
-    """
-
-    tolerance: Tolerance = 1e-9
+    tolerance: Tolerance = 1e-9  # Relative tolerance of the error in a step.
 
 
 class SubCycledRun(SteppedRun):

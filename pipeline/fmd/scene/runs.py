@@ -42,20 +42,6 @@ class SubCyclingRun(SubCycledRun):
     the mass matrix it is weakly unstable at any step; ``fmd stability`` computes what a scene stands. While surfaces of
     a contact touch, or may in the next cycle, all coordinates take the fast step.
 
-    Parameters
-    ----------
-    substeps : int or str
-        Number of fast steps in a slow one; ``"auto"`` chooses it together with the split.
-    split : float or str
-        Which coordinates are slow: all joints but those in ``simulation.fast`` (``"joints"``), every coordinate below
-        a frequency [Hz], or the choice with the least work for the wanted error (``"auto"``).
-    forces : str
-        How the fast coordinates' forces go on over a cycle: by their tangents at its begin (``"tangents"``), by a
-        parabola through the last cycles (``"carried"``: one evaluation a cycle, whatever couples), or not at all as the
-        paper prints it (``"frozen"``). ``"auto"`` carries them where fast coordinates couple, vibrations grow by it no
-        more than by the wanted error or by tangents, and a part of the motion agrees with plain central differences to
-        the wanted error; else it takes tangents.
-
     Examples
     --------
     ::
@@ -72,8 +58,16 @@ class SubCyclingRun(SubCycledRun):
     growth_remedy: ClassVar[str] = ", and reversible-sub-cycling takes longer ones"
 
     integrator: Literal["sub-cycling"]
+    # Number of fast steps in a slow one; ``"auto"`` chooses it together with the split.
     substeps: Count | Literal["auto"]
+    # Which coordinates are slow: all joints but those in ``simulation.fast`` (``"joints"``), every coordinate below a
+    # frequency [Hz], or the choice with the least work for the wanted error (``"auto"``).
     split: Literal["joints", "auto"] | PositiveFrequency = "joints"
+    # How the fast coordinates' forces go on over a cycle: by their tangents at its begin (``"tangents"``), by a
+    # parabola through the last cycles (``"carried"``: one evaluation a cycle, whatever couples), or not at all as the
+    # paper prints it (``"frozen"``). ``"auto"`` carries them where fast coordinates couple, vibrations grow by it no
+    # more than by the wanted error or by tangents, and a part of the motion agrees with plain central differences to
+    # the wanted error; else it takes tangents.
     forces: Literal["auto", "tangents", "carried", "frozen"] = "auto"
 
     def _check(self) -> None:
@@ -90,11 +84,6 @@ class ReversibleSubCyclingRun(SubCycledRun):
     Forces of modes, springs and dampers act at each step; the mass matrix and all other forces are evaluated at the
     middle of each major cycle.
 
-    Parameters
-    ----------
-    substeps : int
-        Number of steps in a major cycle; with 1 it is central differences.
-
     Examples
     --------
     ::
@@ -109,7 +98,7 @@ class ReversibleSubCyclingRun(SubCycledRun):
     split: ClassVar[Literal["joints"]] = "joints"  # type: ignore[misc]
 
     integrator: Literal["reversible-sub-cycling"]
-    substeps: Count
+    substeps: Count  # Number of steps in a major cycle; with 1 it is central differences.
 
     def make(self, step: float, error: float, duration: float) -> Integrator:
         """Make the integrator; with a ratio of 1 it is central differences, whose limit is the same."""
@@ -182,11 +171,6 @@ class RungeKuttaRun(TolerantRun):
 class GeneralizedAlphaRun(SteppedRun):
     """Generalised-α method: implicit, order 2, with damping of the high frequencies that its step can't resolve.
 
-    Parameters
-    ----------
-    rho : float
-        Spectral radius at infinite frequency: 1 damps nothing, 0 damps high frequencies at once.
-
     Examples
     --------
     ::
@@ -203,6 +187,7 @@ class GeneralizedAlphaRun(SteppedRun):
     passes_over: ClassVar[bool] = True
 
     integrator: Literal["generalized-alpha"]
+    # Spectral radius at infinite frequency: 1 damps nothing, 0 damps high frequencies at once.
     rho: Annotated[Number, Field(ge=0.0, le=1.0)] = 0.8
 
     @model_validator(mode="before")

@@ -29,13 +29,6 @@ _NAMED = tuple(name for name, field in SceneTables.model_fields.items() if get_o
 class PublishedResults(SceneTable):
     """Published results to compare with.
 
-    Parameters
-    ----------
-    source : str
-        Publication, and where in it they stand.
-    frequencies : tuple of float
-        Natural frequencies of the first flexible body, the lowest first [Hz].
-
     Examples
     --------
     ::
@@ -45,48 +38,12 @@ class PublishedResults(SceneTable):
         frequencies = ["131.2 Hz", "349.3 Hz", "653.9 Hz"]
     """
 
-    source: str
-    frequencies: tuple[PositiveFrequency, ...]
+    source: str  # Publication, and where in it they stand.
+    frequencies: tuple[PositiveFrequency, ...]  # Natural frequencies of the first flexible body, the lowest first [Hz].
 
 
 class Scene(SceneTables):
     """Bodies and joints, what drives them, how they are integrated over time, and the results that are written.
-
-    Parameters
-    ----------
-    title : str
-        Title of charts and reports.
-    source : str
-        Publication that the scene is taken from.
-    accuracy : float, optional
-        Largest relative error of every quantity in the error budget. With it, a run chooses meshes, modes, integrator
-        and step itself until the budget states that error or less.
-    body : dict
-        Bodies by name.
-    ground : dict
-        Places on the ground by name.
-    joint : dict
-        Joints by name. In a scene with a simulation every body is the child of one joint.
-    drive : dict
-        Torques, forces and prescribed motions by name.
-    controller : dict
-        Controllers by name, whose outputs formulas of drives and of later controllers name.
-    coupler : dict
-        Gears, slides that move together and racks by name.
-    spring, bushing, bearing : dict
-        Force elements between two places, by name.
-    contact : dict
-        Faces that may touch a plane, by name.
-    gear_mesh : dict
-        Spur gears whose teeth push one another in motion, by name.
-    simulation_table : Simulation, optional
-        The integration over time. Without it the scene has meshes and modes alone, and its bodies need no joint.
-    reference : PublishedResults, optional
-        Published results to compare with.
-    output : tuple
-        Charts, pictures, films and files that a run writes.
-    fit : FitTable, optional
-        What ``fmd fit`` finds from measurements.
 
     Notes
     -----
@@ -127,10 +84,12 @@ class Scene(SceneTables):
         unit = "deg"
     """
 
-    title: str
-    source: str = ""
+    title: str  # Title of charts and reports.
+    source: str = ""  # Publication that the scene is taken from.
+    # Largest relative error of every quantity in the error budget. With it, a run chooses meshes, modes, integrator and
+    # step itself until the budget states that error or less.
     accuracy: Share | None = None
-    reference: PublishedResults | None = None
+    reference: PublishedResults | None = None  # Published results to compare with.
     _file: str = PrivateAttr("")
     _tolerances: dict[str, float] = PrivateAttr(default_factory=dict)
 

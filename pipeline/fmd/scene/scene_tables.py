@@ -27,20 +27,25 @@ from fmd.scene.values import Name
 class SceneTables(SceneTable):
     """Bodies, joints and all that names them, each table checked by itself."""
 
-    body: dict[Name, Body]
-    ground: dict[Name, GroundPlace] = Field(default_factory=dict)
+    body: dict[Name, Body]  # Bodies by name.
+    ground: dict[Name, GroundPlace] = Field(default_factory=dict)  # Places on the ground by name.
+    # Joints by name. In a scene with a simulation every body is the child of one joint.
     joint: dict[Name, Joint] = Field(default_factory=dict)
-    drive: dict[Name, Drive] = Field(default_factory=dict)
+    drive: dict[Name, Drive] = Field(default_factory=dict)  # Torques, forces and prescribed motions by name.
+    # Controllers by name, whose outputs formulas of drives and of later controllers name.
     controller: dict[VariableName, AnyController] = Field(default_factory=dict)
+    # Gears, slides that move together and racks by name.
     coupler: dict[Name, AnyCoupler] = Field(default_factory=dict)
-    spring: dict[Name, Spring] = Field(default_factory=dict)
-    bushing: dict[Name, Bushing] = Field(default_factory=dict)
-    bearing: dict[Name, Bearing] = Field(default_factory=dict)
-    contact: dict[Name, Contact] = Field(default_factory=dict)
+    spring: dict[Name, Spring] = Field(default_factory=dict)  # Force elements between two places, by name.
+    bushing: dict[Name, Bushing] = Field(default_factory=dict)  # Force elements between two places, by name.
+    bearing: dict[Name, Bearing] = Field(default_factory=dict)  # Force elements between two places, by name.
+    contact: dict[Name, Contact] = Field(default_factory=dict)  # Faces that may touch a plane, by name.
+    # Spur gears whose teeth push one another in motion, by name.
     gear_mesh: dict[Name, GearTeethContact] = Field(default_factory=dict)
+    # The integration over time. Without it the scene has meshes and modes alone, and its bodies need no joint.
     simulation_table: Simulation | None = Field(default=None, alias="simulation")
-    output: tuple[Output, ...] = ()
-    fit: FitTable | None = None
+    output: tuple[Output, ...] = ()  # Charts, pictures, films and files that a run writes.
+    fit: FitTable | None = None  # What ``fmd fit`` finds from measurements.
 
     @field_validator("output", mode="before")
     @classmethod

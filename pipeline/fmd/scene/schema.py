@@ -1,7 +1,8 @@
 """JSON schema of the scene file, by which editors complete and check it: ``python -m fmd.scene.schema``.
 
-It is written from the types of the tables and their docstrings. It knows keys, words and units, also of scenes that
-build on others, but not the names that a scene gives and what fits together; a run checks these, too.
+It is written from the types of the tables, their docstrings and their fields' comments. It knows keys, words and units,
+also of scenes that build on others, but not the names that a scene gives and what fits together; a run checks these,
+too.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from pydantic_core import core_schema
 
 from fmd.core.limits.scene import LONGEST_SYMBOL
 from fmd.core.units import example_of, list_units
+from fmd.scene.field_comments import read_comments
 from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from fmd.scene.pictures import BodyPicture
 from fmd.scene.reading import SceneTable
@@ -153,12 +155,10 @@ def is_kind(name: str, field: FieldInfo) -> bool:
 
 
 def read_meanings(table: type[SceneTable]) -> dict[str, str]:
-    """Read the meaning of each key of a table, as Markdown, off the docstrings of its class and of its bases."""
+    """Read the meaning of each key of a table, as Markdown, off the comments in its class and in its bases."""
     meanings: dict[str, str] = {}
     for base in reversed(table.__mro__[: table.__mro__.index(SceneTable)]):
-        parameters = _split_docstring(base).get("Parameters", "")
-        for names, text in re.findall(r"^(\S[^\n]*?) : [^\n]*\n((?:[ ]+[^\n]*\n?|\n)+)", parameters, re.MULTILINE):
-            meanings |= dict.fromkeys(names.split(", "), to_markdown(text))
+        meanings |= {name: to_markdown(text) for name, text in read_comments(base).items()}
     return meanings
 
 

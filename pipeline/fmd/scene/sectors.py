@@ -12,17 +12,11 @@ from fmd.scene.values import Text
 
 
 class SectorMesh(SceneTable):
-    """Keys of a mesh that may be that of one sector of a cyclic body, about the z axis.
+    """Keys of a mesh that may be that of one sector of a cyclic body, about the z axis."""
 
-    Parameters
-    ----------
-    cyclic : int, optional
-        Number of sectors, 3 or more: the file has one of them, which is repeated.
-    cuts : tuple of str, optional
-        The sector's two faces that one turn carries into each other; a mesh has nodes at the same places of both.
-    """
-
+    # Number of sectors, 3 or more: the file has one of them, which is repeated.
     cyclic: Annotated[int, Field(strict=True, ge=3, le=MOST_SECTORS)] | None = None
+    # The sector's two faces that one turn carries into each other; a mesh has nodes at the same places of both.
     cuts: tuple[Text, Text] | None = None
 
     def _check(self) -> None:

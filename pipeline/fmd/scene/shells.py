@@ -14,14 +14,6 @@ from fmd.scene.values import Count
 class ShellMesh(SceneTable):
     """Division of a plate or tube into shell elements.
 
-    Parameters
-    ----------
-    element : str
-        Shape of the elements: MITC4 (``"quadrilateral"``), or MITC3+ (``"triangle"``), which bends as well in a plate
-        but is too stiff where a tube or a curved panel is stretched.
-    divisions : tuple of int
-        Numbers of quadrilaterals along a plate's x and y, or along and around a tube; two triangles in each.
-
     Examples
     --------
     ::
@@ -32,26 +24,20 @@ class ShellMesh(SceneTable):
 
     order: ClassVar[int] = 1
 
+    # Shape of the elements: MITC4 (``"quadrilateral"``), or MITC3+ (``"triangle"``), which bends as well in a plate but
+    # is too stiff where a tube or a curved panel is stretched.
     element: Literal["quadrilateral", "triangle"] = "quadrilateral"
+    # Numbers of quadrilaterals along a plate's x and y, or along and around a tube; two triangles in each.
     divisions: tuple[Count, Count]
 
 
 class MeshedShell(Layerable):
-    """Keys of shells whose mesh follows from their measures.
+    """Keys of shells whose mesh follows from their measures."""
 
-    Parameters
-    ----------
-    length : float
-        Extent along x [m].
-    thickness : float, optional
-        Thickness, half of it on each side of the midsurface [m]; that of the ``layers`` if there are some.
-    mesh : ShellMesh
-        Division into elements.
-    """
-
-    length: PositiveLength
+    length: PositiveLength  # Extent along x [m].
+    # Thickness, half of it on each side of the midsurface [m]; that of the ``layers`` if there are some.
     thickness: PositiveLength | None = None
-    mesh: ShellMesh
+    mesh: ShellMesh  # Division into elements.
 
     def _check(self) -> None:
         if (self.thickness is None) == (not self.layers):
@@ -89,11 +75,6 @@ class Plate(MeshedShell):
     Its faces are ``x-`` (where x is least), ``x+``, ``y-``, ``y+``, ``z-`` (the lower side) and ``z+``; its one part is
     ``plate``.
 
-    Parameters
-    ----------
-    width : float
-        Extent along y [m].
-
     Examples
     --------
     ::
@@ -112,7 +93,7 @@ class Plate(MeshedShell):
     """
 
     shape: Literal["plate"]
-    width: PositiveLength
+    width: PositiveLength  # Extent along y [m].
 
     @property
     def faces(self) -> tuple[str, ...]:
@@ -124,11 +105,6 @@ class Tube(MeshedShell):
     """A straight round tube of shell elements, along x from 0, around the x axis.
 
     Its faces are ``x-`` (where x is least), ``x+``, ``inside`` and ``outside``; its one part is ``tube``.
-
-    Parameters
-    ----------
-    radius : float
-        Radius of the middle of the wall [m].
 
     Examples
     --------
@@ -150,7 +126,7 @@ class Tube(MeshedShell):
     _fewest = (1, 13)  # around: with fewer the wall would have folds
 
     shape: Literal["tube"]
-    radius: PositiveLength
+    radius: PositiveLength  # Radius of the middle of the wall [m].
 
     @property
     def faces(self) -> tuple[str, ...]:

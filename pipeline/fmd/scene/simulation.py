@@ -16,37 +16,6 @@ from fmd.scene.values import JointName, MarkerName, Number, three_along
 class Simulation(SceneTable):
     """The integration over time: its duration, its settings, and the runs by one or several integrators.
 
-    Parameters
-    ----------
-    duration : float
-        Time that is integrated [s].
-    output_step : float
-        Time between two results [s]; it doesn't change the integrators' steps.
-    step : float or str, optional
-        Time step of the integrators that don't choose it [s]; ``"auto"`` takes the longest with the wanted error.
-    error : float
-        Wanted error of what is chosen automatically, relative to the largest value of each kind of coordinate.
-    tip : str
-        Marker whose motion is recorded and compared between runs.
-    gravity : tuple of float
-        Acceleration of free fall [m/s²].
-    frame : str
-        Frame of a body with free modes on a torque-driven hinge: modes without inertial coupling to the hinge
-        (``"joint-conforming"``) or the free modes themselves (``"free"``), for comparison.
-    stiffening : str
-        Geometric stiffening by all loads that pass through a body: where they count beside the wanted error
-        (``"auto"``), always or never.
-    start : str
-        State at the start: bodies undeformed (``"undeformed"``), deformed as in a steady motion at the rates of the
-        start (``"steady"``), everything at rest where the loads of time 0 hold it (``"equilibrium"``), or on the motion
-        that repeats after each ``period`` (``"periodic"``), which a march would only settle at.
-    period : float, optional
-        Period of the loads and motions [s], of two turns of the crank in a four-stroke engine; for a periodic start.
-    fast : tuple of str
-        Revolute and prismatic joints whose coordinates take the fast steps in sub-cycling.
-    run : tuple of Run
-        Runs by one or several integrators; the others are compared with the first.
-
     Examples
     --------
     ::
@@ -62,19 +31,32 @@ class Simulation(SceneTable):
         integrator = "central-difference"
     """
 
-    duration: PositiveTime
-    output_step: PositiveTime
+    duration: PositiveTime  # Time that is integrated [s].
+    output_step: PositiveTime  # Time between two results [s]; it doesn't change the integrators' steps.
+    # Time step of the integrators that don't choose it [s]; ``"auto"`` takes the longest with the wanted error.
     step: PositiveTime | Literal["auto"] | None = None
+    # Wanted error of what is chosen automatically, relative to the largest value of each kind of coordinate.
     error: Annotated[Number, Field(ge=1e-10, le=0.1)] = 1e-3
-    tip: MarkerName
+    tip: MarkerName  # Marker whose motion is recorded and compared between runs.
+    # Acceleration of free fall [m/s²].
     gravity: Annotated[
         tuple[Acceleration, Acceleration, Acceleration], three_along('["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]')
     ] = (0.0, 0.0, 0.0)
+    # Frame of a body with free modes on a torque-driven hinge: modes without inertial coupling to the hinge
+    # (``"joint-conforming"``) or the free modes themselves (``"free"``), for comparison.
     frame: Literal["joint-conforming", "free"] = "joint-conforming"
+    # Geometric stiffening by all loads that pass through a body: where they count beside the wanted error (``"auto"``),
+    # always or never.
     stiffening: Literal["auto", "on", "off"] = "auto"
+    # State at the start: bodies undeformed (``"undeformed"``), deformed as in a steady motion at the rates of the start
+    # (``"steady"``), everything at rest where the loads of time 0 hold it (``"equilibrium"``), or on the motion that
+    # repeats after each ``period`` (``"periodic"``), which a march would only settle at.
     start: Literal["undeformed", "steady", "equilibrium", "periodic"] = "undeformed"
+    # Period of the loads and motions [s], of two turns of the crank in a four-stroke engine; for a periodic start.
     period: PositiveTime | None = None
+    # Revolute and prismatic joints whose coordinates take the fast steps in sub-cycling.
     fast: tuple[JointName, ...] = ()
+    # Runs by one or several integrators; the others are compared with the first.
     run: Annotated[tuple[Run, ...], Field(min_length=1, examples=[[{"integrator": "auto"}]])]
 
     def _check(self) -> None:

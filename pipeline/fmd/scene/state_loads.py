@@ -67,28 +67,6 @@ class FormulaVariable(SceneTable):
     ``"body.marker.x"`` or ``"body.marker.vx"``. A curve is a table, in the scene or in a file. The formula calls it
     with a value, ``gas(q)``, or with the time, ``ref(t)``; ``ref.rate`` and ``ref.acceleration`` are its derivatives.
 
-    Parameters
-    ----------
-    constant : float, optional
-        Value in SI units; no key of a scene.
-    measured : str, optional
-        Part of the motion; no key of a scene.
-    arguments : tuple of float, optional
-        Arguments of a curve in ``argument_unit``, ascending.
-    values : tuple of float, optional
-        Values of the curve in ``unit``, one for each.
-    file : str, optional
-        CSV file that holds the curve, relative to the scene's file.
-    argument, column : str or int, optional
-        Columns of the file with the arguments and with the values.
-    argument_unit, unit : str, optional
-        Units of the arguments and of the values; SI without them.
-    between : str
-        Course between the arguments: ``"straight"`` lines or a ``"smooth"`` curve.
-    beyond : str
-        What holds before and after the arguments: the first and the last value (``"hold"``), or the curve again and
-        again (``"repeat"``), as a force by a crank's angle over 720° does.
-
     Examples
     --------
     ::
@@ -101,16 +79,22 @@ class FormulaVariable(SceneTable):
         beyond = "repeat"
     """
 
-    constant: float | None = None
-    measured: str | None = None
+    constant: float | None = None  # Value in SI units; no key of a scene.
+    measured: str | None = None  # Part of the motion; no key of a scene.
+    # Arguments of a curve in ``argument_unit``, ascending.
     arguments: Annotated[tuple[Number, ...], Field(min_length=2, max_length=10_000)] | None = None
-    values: tuple[Number, ...] | None = None
-    file: SourceFile | None = None
+    values: tuple[Number, ...] | None = None  # Values of the curve in ``unit``, one for each.
+    file: SourceFile | None = None  # CSV file that holds the curve, relative to the scene's file.
+    # Columns of the file with the arguments and with the values.
     argument: Column | None = None
     column: Column | None = None
+    # Units of the arguments and of the values; SI without them.
     argument_unit: AnyUnit | None = None
     unit: AnyUnit | None = None
+    # Course between the arguments: ``"straight"`` lines or a ``"smooth"`` curve.
     between: Literal["straight", "smooth"] = "straight"
+    # What holds before and after the arguments: the first and the last value (``"hold"``), or the curve again and again
+    # (``"repeat"``), as a force by a crank's angle over 720° does.
     beyond: Literal["hold", "repeat"] = "hold"
 
     _not_keys: ClassVar[tuple[str, ...]] = ("constant", "measured")
@@ -205,15 +189,11 @@ def unit_factor(unit: str | None, key: str) -> float:
 
 
 class FormulaVariables(SceneTable):
-    """A table whose formulas may name variables of its own.
+    """A table whose formulas may name variables of its own."""
 
-    Parameters
-    ----------
-    variables : dict
-        Variables of formulas by name.
-    """
-
-    variables: dict[VariableName, FormulaVariable] = Field(default_factory=dict)
+    variables: dict[VariableName, FormulaVariable] = Field(
+        default_factory=dict
+    )  # Variables of formulas, as those of a drive's.
 
     def parse(self, text: str) -> StateFormula:
         """Parse a formula of the motion; raises ``ValueError`` as `parse_state_formula` does."""
@@ -246,13 +226,6 @@ class FormulaVariables(SceneTable):
 class LoadOverTime(TimeFunction, FormulaVariables):
     """A force or torque that is constant, changes with time, or follows the mechanism's own motion by a formula.
 
-    Parameters
-    ----------
-    variables : dict
-        Variables of the formula by name; so it may depend on the motion of joints and markers. Without any it may name
-        ``q`` and ``rate``, position and rate of the joint that it drives [rad, m], parts of the motion such as
-        ``elbow.angle`` and ``arm.tip.x``, and controllers.
-
     Examples
     --------
     ::
@@ -262,6 +235,11 @@ class LoadOverTime(TimeFunction, FormulaVariables):
         unit = "N m"
         variables = { k = "400 N m/rad", c = "20 N m s/rad" }
     """
+
+    # Variables of the formula by name; so it may depend on the motion of joints and markers. Without any it may name
+    # ``q`` and ``rate``, position and rate of the joint that it drives [rad, m], parts of the motion such as
+    # ``elbow.angle`` and ``arm.tip.x``, and controllers.
+    variables: dict[VariableName, FormulaVariable] = Field(default_factory=dict)
 
     @property
     def state(self) -> StateFormula | None:

@@ -30,11 +30,6 @@ class Plies(DrawnField):
     It is that in the middle of elements, at both faces of each ply. ``.csv`` is a table with the extremes of each ply,
     ``.png`` a picture with the largest index of all plies on the undeformed body. An index of 0.5 bears twice the load.
 
-    Parameters
-    ----------
-    index : str
-        Failure index of a picture: Tsai and Hill's, or the largest share of a strength.
-
     Examples
     --------
     ::
@@ -47,6 +42,7 @@ class Plies(DrawnField):
 
     type: Literal["plies"]
     file: Annotated[str, FileCheck((".png", ".csv"))]
+    # Failure index of a picture: Tsai and Hill's, or the largest share of a strength.
     index: Literal["Tsai-Hill", "maximum stress"] = "Tsai-Hill"
 
 
@@ -55,15 +51,10 @@ class SurfaceField(DrawnField):
 
     ``.png`` is a picture on the undeformed body, ``.vtu`` the surface with all fields for ParaView, ``.csv`` the worst
     nodes with their numbers and places. The keys of pictures belong to the first alone.
-
-    Parameters
-    ----------
-    count : int
-        Number of nodes in the table.
     """
 
     file: FieldFile
-    count: Count = 20
+    count: Count = 20  # Number of nodes in the table.
 
     def _check(self) -> None:
         if "count" in self.model_fields_set and not self.file.endswith(".csv"):
@@ -72,12 +63,6 @@ class SurfaceField(DrawnField):
 
 class Envelope(SurfaceField):
     """Largest von Mises, largest and smallest principal stress of each node on the surface over all output times.
-
-    Parameters
-    ----------
-    component : str
-        Extreme that a picture shows and that a table is sorted by: of ``principal 3`` the smallest, of the others the
-        largest.
 
     Examples
     --------
@@ -90,22 +75,13 @@ class Envelope(SurfaceField):
     """
 
     type: Literal["envelope"]
+    # Extreme that a picture shows and that a table is sorted by: of ``principal 3`` the smallest, of the others the
+    # largest.
     component: Literal["von Mises", "principal 1", "principal 3"] = "von Mises"
 
 
 class SnCurve(SceneTable):
     """Stress amplitude against cycles to failure: two straight lines in logarithms that meet at a knee.
-
-    Parameters
-    ----------
-    amplitude : float
-        Stress amplitude about zero at the knee [Pa].
-    cycles : float
-        Cycles to failure at the knee.
-    slope : float
-        Exponent k above the knee, ``N = cycles (amplitude/σ)^k``.
-    slope_beyond : float or str, optional
-        Exponent below the knee, ``"infinite"`` for an endurance limit; that above by default, so that all cycles count.
 
     Examples
     --------
@@ -118,21 +94,15 @@ class SnCurve(SceneTable):
         slope_beyond = 9
     """
 
-    amplitude: PositiveStress
-    cycles: Annotated[Number, Positive]
-    slope: Slope
+    amplitude: PositiveStress  # Stress amplitude about zero at the knee [Pa].
+    cycles: Annotated[Number, Positive]  # Cycles to failure at the knee.
+    slope: Slope  # Exponent k above the knee, ``N = cycles (amplitude/σ)^k``.
+    # Exponent below the knee, ``"infinite"`` for an endurance limit; that above by default, so that all cycles count.
     slope_beyond: Slope | Literal["infinite"] | None = None
 
 
 class MeanStress(SceneTable):
     """Correction of each cycle for its mean stress; one of the keys is given.
-
-    Parameters
-    ----------
-    goodman : float, optional
-        Tensile strength of Goodman's line; pressure is taken to do no good [Pa].
-    fkm : float, optional
-        Sensitivity to mean stress M of the FKM guideline.
 
     Examples
     --------
@@ -142,8 +112,8 @@ class MeanStress(SceneTable):
         goodman = "520 MPa"
     """
 
-    goodman: PositiveStress | None = None
-    fkm: Annotated[Number, Field(ge=0.0, le=1.0)] | None = None
+    goodman: PositiveStress | None = None  # Tensile strength of Goodman's line; pressure is taken to do no good [Pa].
+    fkm: Annotated[Number, Field(ge=0.0, le=1.0)] | None = None  # Sensitivity to mean stress M of the FKM guideline.
 
     def _check(self) -> None:
         if (self.goodman is None) == (self.fkm is None):
@@ -152,23 +122,6 @@ class MeanStress(SceneTable):
 
 class Fatigue(SurfaceField):
     """Repeats of the motion until a crack starts, node by node on the surface, by rainflow counting and Miner's sum.
-
-    Parameters
-    ----------
-    sn : SnCurve
-        The material's S–N curve.
-    stress : str
-        Stress whose cycles are counted: shear with the largest normal stress of each cycle on the worst plane
-        (``"findley"``), normal stress on the worst plane (``"critical plane"``, for brittle materials), or von Mises
-        stress with the sign of the principal stress that is the largest by size (``"signed von Mises"``, for one
-        direction of stress).
-    findley : float
-        Coefficient k of the normal stress in Findley's ``τ_a + k σ_n``; with limits of torsion t and bending f about
-        zero ``t/f = (1 + k/√(1 + k²))/2``.
-    planes : int
-        Number of directions of planes around the surface's normal.
-    mean_stress : MeanStress, optional
-        Correction for mean stress, which Findley's parameter has in it; none by default.
 
     Examples
     --------
@@ -182,10 +135,18 @@ class Fatigue(SurfaceField):
     """
 
     type: Literal["fatigue"]
-    sn: SnCurve
+    sn: SnCurve  # The material's S–N curve.
+    # Stress whose cycles are counted: shear with the largest normal stress of each cycle on the worst plane
+    # (``"findley"``), normal stress on the worst plane (``"critical plane"``, for brittle materials), or von Mises
+    # stress with the sign of the principal stress that is the largest by size (``"signed von Mises"``, for one
+    # direction of stress).
     stress: Literal["findley", "critical plane", "signed von Mises"] = "findley"
+    # Coefficient k of the normal stress in Findley's ``τ_a + k σ_n``; with limits of torsion t and bending f about zero
+    # ``t/f = (1 + k/√(1 + k²))/2``.
     findley: Annotated[Number, Field(ge=0.0, le=2.0)] = 0.25
+    # Number of directions of planes around the surface's normal.
     planes: Annotated[int, Field(strict=True, ge=2, le=180)] = 18
+    # Correction for mean stress, which Findley's parameter has in it; none by default.
     mean_stress: MeanStress | None = None
 
     def _check(self) -> None:
@@ -205,16 +166,6 @@ class ContactPressure(PictureSettings):
 
     Between two bodies it is on that with the smaller elements, whose points are looked for on the other.
 
-    Parameters
-    ----------
-    contact : str
-        Name of the contact.
-    quantity : str
-        ``"pressure"``, at the output time at which it is largest, or ``"slip"``, the way that each point has slipped
-        while it was pressed, at the end, or ``"wear"``, the depth that each has lost then.
-    body : str, optional
-        Of two bodies that wear one another, the one to draw; by default that with the smaller elements.
-
     Examples
     --------
     ::
@@ -226,8 +177,11 @@ class ContactPressure(PictureSettings):
     """
 
     type: Literal["pressure"]
-    contact: Name
+    contact: Name  # Name of the contact.
+    # ``"pressure"``, at the output time at which it is largest, or ``"slip"``, the way that each point has slipped
+    # while it was pressed, at the end, or ``"wear"``, the depth that each has lost then.
     quantity: Literal["pressure", "slip", "wear"] = "pressure"
+    # Of two bodies that wear one another, the one to draw; by default that with the smaller elements.
     body: Name | None = None
 
     def _check(self) -> None:

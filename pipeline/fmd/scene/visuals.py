@@ -44,28 +44,13 @@ Colour = Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$"), Words('colour, e.g. 
 
 
 class VisualSettings(SceneTable):
-    """Keys that all shapes in pictures have in common.
+    """Keys that all shapes in pictures have in common."""
 
-    Parameters
-    ----------
-    colour : str, optional
-        Colour; by default bodies have pale ones in turn.
-    """
-
-    colour: Colour | None = None
+    colour: Colour | None = None  # Colour; by default bodies have pale ones in turn.
 
 
 class BoxVisual(VisualSettings):
     """A box in a body's frame.
-
-    Parameters
-    ----------
-    size : tuple of float
-        Extents along x, y and z [m].
-    at : tuple of float
-        Middle in the body's frame [m].
-    rotation : tuple of float
-        Rotation vector that turns the box in the body's frame [rad].
 
     Examples
     --------
@@ -78,22 +63,13 @@ class BoxVisual(VisualSettings):
     """
 
     type: Literal["box"]
-    size: tuple[PositiveLength, PositiveLength, PositiveLength]
-    at: Point = (0.0, 0.0, 0.0)
-    rotation: Turn = (0.0, 0.0, 0.0)
+    size: tuple[PositiveLength, PositiveLength, PositiveLength]  # Extents along x, y and z [m].
+    at: Point = (0.0, 0.0, 0.0)  # Middle in the body's frame [m].
+    rotation: Turn = (0.0, 0.0, 0.0)  # Rotation vector that turns the box in the body's frame [rad].
 
 
 class CylinderVisual(VisualSettings):
     """A cylinder between two points of a body.
-
-    Parameters
-    ----------
-    start : tuple of float
-        Middle of one end in the body's frame [m].
-    end : tuple of float
-        Middle of the other end [m].
-    radius : float
-        Radius [m].
 
     Examples
     --------
@@ -107,9 +83,9 @@ class CylinderVisual(VisualSettings):
     """
 
     type: Literal["cylinder"]
-    start: Point
-    end: Point
-    radius: PositiveLength
+    start: Point  # Middle of one end in the body's frame [m].
+    end: Point  # Middle of the other end [m].
+    radius: PositiveLength  # Radius [m].
 
     def _check(self) -> None:
         if self.start == self.end:
@@ -118,11 +94,6 @@ class CylinderVisual(VisualSettings):
 
 class RodVisual(VisualSettings):
     """A round rod from each of a body's markers to the next, in their order.
-
-    Parameters
-    ----------
-    radius : float
-        Radius [m].
 
     Examples
     --------
@@ -134,22 +105,11 @@ class RodVisual(VisualSettings):
     """
 
     type: Literal["rod"]
-    radius: PositiveLength
+    radius: PositiveLength  # Radius [m].
 
 
 class FileVisual(VisualSettings):
     """A shape from an STL or OBJ file or from CAD.
-
-    Parameters
-    ----------
-    file : str
-        The file, relative to the scene's.
-    unit : str
-        Unit of length of an STL or OBJ file; CAD files hold their own.
-    at : tuple of float
-        Origin of the file in the body's frame [m].
-    rotation : tuple of float
-        Rotation vector that turns the file's axes in the body's frame [rad].
 
     Examples
     --------
@@ -162,10 +122,10 @@ class FileVisual(VisualSettings):
     """
 
     type: Literal["file"]
-    file: VisualFile
-    unit: LengthUnit = "mm"
-    at: Point = (0.0, 0.0, 0.0)
-    rotation: Turn = (0.0, 0.0, 0.0)
+    file: VisualFile  # The file, relative to the scene's.
+    unit: LengthUnit = "mm"  # Unit of length of an STL or OBJ file; CAD files hold their own.
+    at: Point = (0.0, 0.0, 0.0)  # Origin of the file in the body's frame [m].
+    rotation: Turn = (0.0, 0.0, 0.0)  # Rotation vector that turns the file's axes in the body's frame [rad].
 
 
 Visual = Annotated[BoxVisual | CylinderVisual | RodVisual | FileVisual, KindBy("type")]

@@ -11,40 +11,19 @@ from fmd.scene.values import Axis
 
 
 class OneAngleJoint(CarryingJoint):
-    """A spring, a damper, end stops and friction act about a joint's axis.
-
-    Parameters
-    ----------
-    axis : tuple of float
-        Direction of the axis in the axes of the parent's marker or place; its length doesn't count.
-    angle : float
-        Angle at the start [rad].
-    rate : float
-        Angular rate at the start [rad/s].
-    spring : float
-        Stiffness of a spring about the axis [N m/rad].
-    rest : float
-        Angle at which the spring is unstretched [rad].
-    damper : float
-        Coefficient of a damper about the axis [N m s/rad].
-    stop : AngleStop, optional
-        End stops.
-    friction : float
-        Largest friction about the axis [N m].
-    friction_rate : float
-        Angular rate at which friction has reached 71 % of that [rad/s].
-    """
+    """A spring, a damper, end stops and friction act about a joint's axis."""
 
     start_keys = (("angle",), ("rate",))
 
-    axis: Axis
-    angle: Angle = 0.0
-    rate: AngularRate = 0.0
-    spring: TurningStiffness = 0.0
-    rest: Angle = 0.0
-    damper: TurningDamping = 0.0
-    stop: AngleStop | None = None
-    friction: Annotated[Torque, NonNegative] = 0.0
+    axis: Axis  # Direction of the axis in the axes of the parent's marker or place; its length doesn't count.
+    angle: Angle = 0.0  # Angle at the start [rad].
+    rate: AngularRate = 0.0  # Angular rate at the start [rad/s].
+    spring: TurningStiffness = 0.0  # Stiffness of a spring about the axis [N m/rad].
+    rest: Angle = 0.0  # Angle at which the spring is unstretched [rad].
+    damper: TurningDamping = 0.0  # Coefficient of a damper about the axis [N m s/rad].
+    stop: AngleStop | None = None  # End stops.
+    friction: Annotated[Torque, NonNegative] = 0.0  # Largest friction about the axis [N m].
+    # Angular rate at which friction has reached 71 % of that [rad/s].
     friction_rate: Annotated[AngularRate, Positive] = 1e-2
 
     @property
@@ -54,29 +33,15 @@ class OneAngleJoint(CarryingJoint):
 
 
 class TwoAngleJoint(CarryingJoint):
-    """Springs and dampers act against both angles of a joint.
-
-    Parameters
-    ----------
-    angles : tuple of float
-        Both angles at the start [rad].
-    rates : tuple of float
-        Their rates at the start [rad/s].
-    springs : tuple of float
-        Stiffnesses of springs against them [N m/rad].
-    rests : tuple of float
-        Angles at which the springs are unstretched [rad].
-    dampers : tuple of float
-        Coefficients of dampers against them [N m s/rad].
-    """
+    """Springs and dampers act against both angles of a joint."""
 
     start_keys = (("angles",), ("rates",))
 
-    angles: tuple[Angle, Angle] = (0.0, 0.0)
-    rates: tuple[AngularRate, AngularRate] = (0.0, 0.0)
-    springs: tuple[TurningStiffness, TurningStiffness] = (0.0, 0.0)
-    rests: tuple[Angle, Angle] = (0.0, 0.0)
-    dampers: tuple[TurningDamping, TurningDamping] = (0.0, 0.0)
+    angles: tuple[Angle, Angle] = (0.0, 0.0)  # Both angles at the start [rad].
+    rates: tuple[AngularRate, AngularRate] = (0.0, 0.0)  # Their rates at the start [rad/s].
+    springs: tuple[TurningStiffness, TurningStiffness] = (0.0, 0.0)  # Stiffnesses of springs against them [N m/rad].
+    rests: tuple[Angle, Angle] = (0.0, 0.0)  # Angles at which the springs are unstretched [rad].
+    dampers: tuple[TurningDamping, TurningDamping] = (0.0, 0.0)  # Coefficients of dampers against them [N m s/rad].
 
     @property
     def along(self) -> tuple[Along, ...]:

@@ -31,15 +31,6 @@ class ConstantVelocity(TwoAngleJoint):
     The angles tilt about that of x, y and z that is most across the axis, turned across it, and about the axis's cross
     product with it. They are about x and y for a shaft along z, and about y and z for one along x.
 
-    Parameters
-    ----------
-    axis : tuple of float
-        Direction of the parent's shaft in the axes of its marker or place, and of the child's at angles 0; its length
-        doesn't count.
-    child_axis : tuple of float, optional
-        Direction of the child's shaft in the axes of its marker or place, of a joint that closes a loop; the numbers of
-        ``axis`` by default.
-
     Examples
     --------
     ::
@@ -59,5 +50,9 @@ class ConstantVelocity(TwoAngleJoint):
     measured_across = True
 
     type: Literal["constant-velocity"]
+    # Direction of the parent's shaft in the axes of its marker or place, and of the child's at angles 0; its length
+    # doesn't count.
     axis: Axis
+    # Direction of the child's shaft in the axes of its marker or place, of a joint that closes a loop; the numbers of
+    # ``axis`` by default.
     child_axis: Axis | None = None

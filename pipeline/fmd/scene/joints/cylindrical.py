@@ -18,32 +18,6 @@ CYLINDRICAL = JointKind(
 class Cylindrical(CarryingJoint):
     """A slide that also lets the child turn about its axis.
 
-    Parameters
-    ----------
-    axis : tuple of float
-        Direction of the axis in the axes of the parent's marker or place; its length
-        doesn't count.
-    position : float
-        Displacement of the child's marker from the parent's at the start [m].
-    angle : float
-        Angle at the start [rad].
-    velocity : float
-        Speed along the axis at the start [m/s].
-    rate : float
-        Angular rate at the start [rad/s].
-    spring : float
-        Stiffness of a spring along the axis [N/m].
-    rest : float
-        Displacement at which that spring is unstretched [m].
-    damper : float
-        Coefficient of a damper along the axis [N s/m].
-    turning_spring : float
-        Stiffness of a spring about the axis [N m/rad].
-    rest_angle : float
-        Angle at which that spring is unstretched [rad].
-    turning_damper : float
-        Coefficient of a damper about the axis [N m s/rad].
-
     Examples
     --------
     ::
@@ -63,17 +37,17 @@ class Cylindrical(CarryingJoint):
     start_keys = (("position", "angle"), ("velocity", "rate"))
 
     type: Literal["cylindrical"]
-    axis: Axis
-    position: Length = 0.0
-    angle: Angle = 0.0
-    velocity: Velocity = 0.0
-    rate: AngularRate = 0.0
-    spring: Stiffness = 0.0
-    rest: Length = 0.0
-    damper: Damping = 0.0
-    turning_spring: TurningStiffness = 0.0
-    rest_angle: Angle = 0.0
-    turning_damper: TurningDamping = 0.0
+    axis: Axis  # Direction of the axis in the axes of the parent's marker or place; its length doesn't count.
+    position: Length = 0.0  # Displacement of the child's marker from the parent's at the start [m].
+    angle: Angle = 0.0  # Angle at the start [rad].
+    velocity: Velocity = 0.0  # Speed along the axis at the start [m/s].
+    rate: AngularRate = 0.0  # Angular rate at the start [rad/s].
+    spring: Stiffness = 0.0  # Stiffness of a spring along the axis [N/m].
+    rest: Length = 0.0  # Displacement at which that spring is unstretched [m].
+    damper: Damping = 0.0  # Coefficient of a damper along the axis [N s/m].
+    turning_spring: TurningStiffness = 0.0  # Stiffness of a spring about the axis [N m/rad].
+    rest_angle: Angle = 0.0  # Angle at which that spring is unstretched [rad].
+    turning_damper: TurningDamping = 0.0  # Coefficient of a damper about the axis [N m s/rad].
 
     @property
     def along(self) -> tuple[Along, ...]:

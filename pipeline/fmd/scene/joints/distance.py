@@ -15,13 +15,6 @@ DISTANCE = JointKind("distance")
 class Distance(JointTable):
     """A massless rod: two places of bodies that hang on other joints keep their distance.
 
-    Parameters
-    ----------
-    parent, child : str
-        Markers or places on the ground.
-    length : float
-        Their distance [m].
-
     Examples
     --------
     ::
@@ -39,9 +32,10 @@ class Distance(JointTable):
     carries = False
 
     type: Literal["distance"]
+    # Markers or places on the ground.
     parent: PlaceName
     child: PlaceName
-    length: PositiveLength
+    length: PositiveLength  # Their distance [m].
 
     @property
     def kept_distance(self) -> float:

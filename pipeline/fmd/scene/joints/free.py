@@ -22,15 +22,6 @@ FREE = JointKind(
 class Free(CarryingJoint):
     """No constraint: the child moves and turns freely against the parent, from the position and axes of the start.
 
-    Parameters
-    ----------
-    position : tuple of float
-        Displacement of the child's marker from the parent's at the start, in the axes of the parent's [m].
-    velocity : tuple of float
-        Velocity of the child's marker against the parent at the start, in the same axes [m/s].
-    spin : tuple of float
-        Angular velocity against the parent at the start, along the child's axes [rad/s].
-
     Examples
     --------
     ::
@@ -51,9 +42,11 @@ class Free(CarryingJoint):
     cannot_close = "holds nothing: the child hangs on another joint already"
 
     type: Literal["free"]
+    # Displacement of the child's marker from the parent's at the start, in the axes of the parent's [m].
     position: Point = (0.0, 0.0, 0.0)
+    # Velocity of the child's marker against the parent at the start, in the same axes [m/s].
     velocity: tuple[Velocity, Velocity, Velocity] = (0.0, 0.0, 0.0)
-    spin: Spin = (0.0, 0.0, 0.0)
+    spin: Spin = (0.0, 0.0, 0.0)  # Angular velocity against the parent at the start, along the child's axes [rad/s].
 
     def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
         """Return displacement and quaternion at the start, and their rates, in the axes of the child's body."""

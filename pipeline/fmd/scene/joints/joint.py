@@ -110,18 +110,11 @@ class JointTable(SceneTable):
 
 
 class CarryingJoint(JointTable, Orientation):
-    """A joint holds a marker of a body, its child, on a marker of another body or on a place on the ground, its parent.
+    """A joint holds a marker of a body, its child, on another body's marker or a place on the ground, its parent."""
 
-    Parameters
-    ----------
-    parent : str
-        Marker or place on the ground, ``"ground.NAME"``, that the joint hangs on; ``"ground"`` is its origin.
-    child : str
-        Marker of the body that the joint carries.
-    """
-
+    # Marker or place on the ground, ``"ground.NAME"``, that the joint hangs on; ``"ground"`` is its origin.
     parent: PlaceName
-    child: MarkerName
+    child: MarkerName  # Marker of the body that the joint carries.
 
     @property
     def given_keys(self) -> set[str]:

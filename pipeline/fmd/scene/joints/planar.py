@@ -22,22 +22,6 @@ PLANAR = JointKind(
 class Planar(CarryingJoint):
     """A plane on a plane: the child slides in two directions and turns about their normal.
 
-    Parameters
-    ----------
-    axis : tuple of float
-        Direction of the normal in the axes of the parent's marker or place; its length
-        doesn't count.
-    position : tuple of float
-        Displacements of the child's marker from the parent's at the start [m]: along that of x, y and z that is most
-        across the normal, turned into the plane, and along the normal's cross product with it. They are x and y for the
-        normal z, and y and z for x.
-    angle : float
-        Angle at the start [rad].
-    velocity : tuple of float
-        Rates of both displacements at the start [m/s].
-    rate : float
-        Angular rate at the start [rad/s].
-
     Examples
     --------
     ::
@@ -58,8 +42,11 @@ class Planar(CarryingJoint):
     start_keys = (("position", "angle"), ("velocity", "rate"))
 
     type: Literal["planar"]
-    axis: Axis
+    axis: Axis  # Direction of the normal in the axes of the parent's marker or place; its length doesn't count.
+    # Displacements of the child's marker from the parent's at the start [m]: along that of x, y and z that is most
+    # across the normal, turned into the plane, and along the normal's cross product with it. They are x and y for the
+    # normal z, and y and z for x.
     position: tuple[Length, Length] = (0.0, 0.0)
-    angle: Angle = 0.0
-    velocity: tuple[Velocity, Velocity] = (0.0, 0.0)
-    rate: AngularRate = 0.0
+    angle: Angle = 0.0  # Angle at the start [rad].
+    velocity: tuple[Velocity, Velocity] = (0.0, 0.0)  # Rates of both displacements at the start [m/s].
+    rate: AngularRate = 0.0  # Angular rate at the start [rad/s].

@@ -14,15 +14,6 @@ POINT_ON_LINE = JointKind("point-on-line", points=ACROSS)
 class PointOnLine(JointTable):
     """A pin in a slot: the child's place stays on a line of the parent, free to turn.
 
-    Parameters
-    ----------
-    parent : str
-        Marker or place on the ground that the line goes through.
-    child : str
-        Marker or place that stays on it.
-    axis : tuple of float
-        Direction of the line in the axes of the parent's marker or place; its length doesn't count.
-
     Examples
     --------
     ::
@@ -40,6 +31,6 @@ class PointOnLine(JointTable):
     carries = False
 
     type: Literal["point-on-line"]
-    parent: PlaceName
-    child: PlaceName
-    axis: Axis
+    parent: PlaceName  # Marker or place on the ground that the line goes through.
+    child: PlaceName  # Marker or place that stays on it.
+    axis: Axis  # Direction of the line in the axes of the parent's marker or place; its length doesn't count.

@@ -16,31 +16,6 @@ PRISMATIC = JointKind("prismatic", ("m",), slides=(ElementaryMotion(AXIS),), poi
 class Prismatic(CarryingJoint):
     """A slide: the child moves along one axis of the parent, without turning.
 
-    Parameters
-    ----------
-    axis : tuple of float
-        Direction of the axis in the axes of the parent's marker or place; its length
-        doesn't count.
-    child_axis : tuple of float, optional
-        The same direction in the axes of the child's marker or place, of a joint that closes a loop; the numbers of
-        ``axis`` by default, which are right if the child doesn't turn against the parent but about the axis.
-    position : float
-        Displacement of the child's marker from the parent's at the start [m].
-    rate : float
-        Speed at the start [m/s].
-    spring : float
-        Stiffness of a spring along the axis [N/m].
-    rest : float
-        Displacement at which the spring is unstretched [m].
-    damper : float
-        Coefficient of a damper along the axis [N s/m].
-    stop : LengthStop, optional
-        End stops.
-    friction : float
-        Largest friction along the axis [N].
-    friction_rate : float
-        Speed at which friction has reached 71 % of that [m/s].
-
     Examples
     --------
     ::
@@ -61,16 +36,18 @@ class Prismatic(CarryingJoint):
     start_keys = (("position",), ("rate",))
 
     type: Literal["prismatic"]
-    axis: Axis
+    axis: Axis  # Direction of the axis in the axes of the parent's marker or place; its length doesn't count.
+    # The same direction in the axes of the child's marker or place, of a joint that closes a loop; the numbers of
+    # ``axis`` by default, which are right if the child doesn't turn against the parent but about the axis.
     child_axis: Axis | None = None
-    position: Length = 0.0
-    rate: Velocity = 0.0
-    spring: Annotated[TranslationalStiffness, NonNegative] = 0.0
-    rest: Length = 0.0
-    damper: Annotated[TranslationalDamping, NonNegative] = 0.0
-    stop: LengthStop | None = None
-    friction: Annotated[Force, NonNegative] = 0.0
-    friction_rate: Annotated[Velocity, Positive] = 1e-3
+    position: Length = 0.0  # Displacement of the child's marker from the parent's at the start [m].
+    rate: Velocity = 0.0  # Speed at the start [m/s].
+    spring: Annotated[TranslationalStiffness, NonNegative] = 0.0  # Stiffness of a spring along the axis [N/m].
+    rest: Length = 0.0  # Displacement at which the spring is unstretched [m].
+    damper: Annotated[TranslationalDamping, NonNegative] = 0.0  # Coefficient of a damper along the axis [N s/m].
+    stop: LengthStop | None = None  # End stops.
+    friction: Annotated[Force, NonNegative] = 0.0  # Largest friction along the axis [N].
+    friction_rate: Annotated[Velocity, Positive] = 1e-3  # Speed at which friction has reached 71 % of that [m/s].
 
     @property
     def along(self) -> tuple[Along, ...]:

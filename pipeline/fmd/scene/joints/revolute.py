@@ -15,12 +15,6 @@ REVOLUTE = JointKind("revolute", ("rad",), turns=(ElementaryMotion(AXIS),), poin
 class Revolute(OneAngleJoint):
     """A hinge: the child turns about one axis of the parent.
 
-    Parameters
-    ----------
-    child_axis : tuple of float, optional
-        The same direction in the axes of the child's marker or place, of a joint that closes a loop; the numbers of
-        ``axis`` by default, which are right if the child doesn't turn against the parent but about the axis.
-
     Examples
     --------
     ::
@@ -40,4 +34,6 @@ class Revolute(OneAngleJoint):
     closing_keys = ("child_axis",)
 
     type: Literal["revolute"]
+    # The same direction in the axes of the child's marker or place, of a joint that closes a loop; the numbers of
+    # ``axis`` by default, which are right if the child doesn't turn against the parent but about the axis.
     child_axis: Axis | None = None

@@ -16,11 +16,6 @@ SCREW = JointKind("screw", ("rad",), (ElementaryMotion(AXIS, by_lead=True),), (E
 class Screw(OneAngleJoint):
     """A screw: the child turns about an axis and moves along it in proportion.
 
-    Parameters
-    ----------
-    lead : float
-        Displacement along the axis for a whole turn [m]; below 0 for a left-handed thread.
-
     Examples
     --------
     ::
@@ -40,7 +35,7 @@ class Screw(OneAngleJoint):
     cannot_close = "can't close a loop; write it before the other joint that carries its child"
 
     type: Literal["screw"]
-    lead: Length
+    lead: Length  # Displacement along the axis for a whole turn [m]; below 0 for a left-handed thread.
 
     @property
     def lead_per_angle(self) -> float:

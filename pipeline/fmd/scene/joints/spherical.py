@@ -14,11 +14,6 @@ SPHERICAL = JointKind("spherical", turns_in_space=True, points=SPACE)
 class Spherical(CarryingJoint):
     """A ball joint: the child's marker stays on the parent's and turns freely.
 
-    Parameters
-    ----------
-    spin : tuple of float
-        Angular velocity against the parent at the start, along the child's axes [rad/s].
-
     Examples
     --------
     ::
@@ -36,4 +31,4 @@ class Spherical(CarryingJoint):
     start_keys = ((), ("spin",))
 
     type: Literal["spherical"]
-    spin: Spin = (0.0, 0.0, 0.0)
+    spin: Spin = (0.0, 0.0, 0.0)  # Angular velocity against the parent at the start, along the child's axes [rad/s].

@@ -26,13 +26,6 @@ class Universal(TwoAngleJoint):
 
     The angles are those about both axes.
 
-    Parameters
-    ----------
-    axis : tuple of float
-        Direction of the parent's axis, in the axes of its marker or place; its length doesn't count.
-    child_axis : tuple of float
-        Direction of the child's axis, in the axes of its marker; perpendicular to ``axis`` at angles 0.
-
     Examples
     --------
     ::
@@ -50,8 +43,8 @@ class Universal(TwoAngleJoint):
     mark = Mark("ball")
 
     type: Literal["universal"]
-    axis: Axis
-    child_axis: Axis
+    axis: Axis  # Direction of the parent's axis, in the axes of its marker or place; its length doesn't count.
+    child_axis: Axis  # Direction of the child's axis, in the axes of its marker; perpendicular to ``axis`` at angles 0.
 
     def _check(self) -> None:
         sizes = math.hypot(*self.axis) * math.hypot(*self.child_axis)
