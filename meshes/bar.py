@@ -25,15 +25,7 @@ def mesh(bar: Any) -> MeshArrays:
 
 
 def hexahedral_bar(length: float, depth: float, width: float, divisions: tuple[int, int, int]) -> MeshArrays:
-    """Mesh a bar with a regular grid of hexahedra.
-
-    Parameters
-    ----------
-    length, depth, width : float
-        Extents along x, y and z [m].
-    divisions : tuple of int
-        Number of cells along x, y and z.
-    """
+    """Mesh a bar of extents along x, y and z [m] with a regular grid of hexahedra, by numbers of cells along these."""
     with gmsh_model("bar") as gmsh:
         geo = gmsh.model.geo
         corner = geo.addPoint(0.0, -depth / 2, -width / 2)

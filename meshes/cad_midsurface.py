@@ -45,14 +45,9 @@ class Wall(NamedTuple):
 
 
 def replace_by_midsurface(gmsh: Any, thickness: float) -> tuple[float, list[int]]:
-    """Replace the only solid of the current model by its midsurface.
+    """Replace the only solid of the current model by its midsurface; return its volume [m³] and tags of lost faces.
 
-    Returns
-    -------
-    volume : float
-        Of the solid [m³].
-    lost : list of int
-        Tags of the solid's faces most of whose points aren't within half a thickness of a wall's middle.
+    Of those most points aren't within half a thickness of a wall's middle.
 
     Raises
     ------

@@ -24,20 +24,11 @@ class WholeCylinder(NamedTuple):
 
 
 def name_faces_by_place(gmsh: Any, whole: Mapping[int, int]) -> dict[int, str]:
-    """Return the names of surfaces by their places, as far as they have one.
+    """Return the names of surfaces of the current model, in metres, by their tags, as far as their places have one.
 
-    Parameters
-    ----------
-    gmsh : module
-        With the part as its current model, in metres.
-    whole : mapping of int to int
-        Face of each surface: the halves of a bore are surfaces of one face.
-
-    Returns
-    -------
-    dict of int to str
-        By the surface's tag. All flat surfaces at an end of the part have one name; bores and pins, whole cylinders
-        without and with material within, are numbered along x, then y, then z.
+    All flat surfaces at an end of the part have one name; bores and pins, whole cylinders without and with material
+    within, are numbered along x, then y, then z. ``whole`` has the face of each surface: the halves of a bore are
+    surfaces of one face.
     """
     outer = {tag for tag in whole if len(gmsh.model.getAdjacencies(2, tag)[0]) < 2}
     low, high = _box(gmsh)
@@ -77,20 +68,9 @@ def find_centre(gmsh: Any, tags: list[int]) -> tuple[float, float, float, float]
 def describe_part(gmsh: Any, whole: Mapping[int, int], names: Mapping[tuple[int, int], list[str]]) -> dict[str, Any]:
     """Describe the current model with its faces, each under the first of its names.
 
-    Parameters
-    ----------
-    gmsh : module
-        With the part as its current model, in metres.
-    whole : mapping of int to int
-        Face of each surface.
-    names : mapping
-        Names of each entity, by its dimension and tag, the best first.
-
-    Returns
-    -------
-    dict
-        Number of ``solids``, ``volume`` [m³], corners ``low`` and ``high`` of the box around them [m], and ``faces``
-        in the file's order, each with ``name``, ``kind`` of surface, ``area`` [m²] and ``centre`` [m].
+    ``whole`` has the face of each surface, ``names`` those of each entity, by its dimension and tag, the best first.
+    The result has the number of ``solids``, ``volume`` [m³], corners ``low`` and ``high`` of the box around them [m],
+    and ``faces`` in the file's order, each with ``name``, ``kind`` of surface, ``area`` [m²] and ``centre`` [m].
     """
     surfaces: dict[str, list[int]] = {}
     for tag in whole:

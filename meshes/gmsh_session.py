@@ -71,19 +71,9 @@ def import_cad(gmsh: Any, path: Path) -> list[tuple[int, int]]:
 
 
 def read_out(gmsh: Any, faces: Mapping[str, Sequence[int]]) -> MeshArrays:
-    """Read the current model's volume mesh out of Gmsh.
+    """Read the volume mesh of the current model of `gmsh_model`, after ``mesh.generate(3)``, out of Gmsh.
 
-    Parameters
-    ----------
-    gmsh : module
-        As yielded by `gmsh_model`, after ``mesh.generate(3)``.
-    faces : mapping of str to sequence of int
-        Surface tags of each named face.
-
-    Returns
-    -------
-    MeshArrays
-        Each named physical volume is a part.
+    Faces have names and surface tags; each named physical volume is a part.
     """
     tags, xyz, _ = gmsh.model.mesh.getNodes()
     number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)

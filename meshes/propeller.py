@@ -31,12 +31,9 @@ Floats = NDArray[np.float64]
 def mesh(table: Any) -> MeshArrays:
     """Mesh the propeller of a scene's table ``Propeller``, whose lengths across are diameters.
 
-    Returns
-    -------
-    MeshArrays
-        Parts ``sleeve``, ``joints``, ``blades``; faces ``bore``, ``back`` and ``front`` (the sleeve's ends, where z is
-        least and greatest), and ``tip-1``, ``pressure-1``, ``suction-1`` and so on of each blade, the first on the x
-        axis, the others following in the sense of rotation about z.
+    Parts are ``sleeve``, ``joints``, ``blades``; faces ``bore``, ``back`` and ``front`` (the sleeve's ends, where z is
+    least and greatest), and ``tip-1``, ``pressure-1``, ``suction-1`` and so on of each blade, the first on the x axis,
+    the others following in the sense of rotation about z.
     """
     counts = table.mesh
     half = counts.joint[1] * np.pi / counts.sleeve[0] if table.seat is None else table.seat / 2

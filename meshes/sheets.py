@@ -21,12 +21,7 @@ class SheetArrays(NamedTuple):
 def grid_cells(n_rows: int, n_points: int, n_columns: int, element: str) -> NDArray[np.int64]:
     """Return the cells between rows of points, quadrilaterals or two triangles each; a row may close in itself.
 
-    Parameters
-    ----------
-    n_points : int
-        Points in a row: as many as columns if the row is closed, else one more.
-    element : str
-        ``quadrilateral`` or ``triangle``.
+    A row has as many points as columns if it is closed, else one more; an element is ``quadrilateral`` or ``triangle``.
     """
     row, column = (each.ravel() for each in np.indices((n_rows, n_columns)))
     after = (column + 1) % n_points

@@ -13,23 +13,12 @@ from fmd.reduction.body import FlexibleBody
 
 
 def soften_body(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]:
-    """Return a body whose stiffness has lost its excess, and the coordinates that its stress is made of.
+    """Return a body whose stiffness has lost its excess, and the matrix (n, n) to coordinates with the same forces.
 
     Stress balances forces: a stiffness that is too large makes displacements too small but leaves it right. So the
-    stress of the softened body is that of the given one under the same modal forces.
-
-    Parameters
-    ----------
-    excess : ndarray, shape (n, n)
-        Excess of the products of two shapes' stiffness, over both frequencies; at most three quarters of the stiffness
-        of a combination are taken off.
-
-    Returns
-    -------
-    FlexibleBody
-        Body of other frequencies, in its own coordinates, each of which is most like the given one of its number.
-    ndarray, shape (n, n)
-        Matrix from these coordinates to the given body's that have the same forces.
+    stress of the softened body is that of the given one under the same modal forces. The excess (n, n) is of products
+    of two shapes' stiffness, over both frequencies; at most three quarters of the stiffness of a combination are taken
+    off. The body comes in coordinates of its own, each most like the given one of its number.
     """
     from scipy.optimize import linear_sum_assignment  # many runs soften nothing
 
@@ -44,21 +33,10 @@ def soften_body(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]
 
 
 def retune_body(body: FlexibleBody, omega: Array) -> tuple[FlexibleBody, Array]:
-    """Return a body of other frequencies and the same stiffness, whose modal masses are changed.
+    """Return a body of other frequencies omega (n,) [rad/s] and the same stiffness, whose modal masses are changed.
 
-    It rings at these frequencies and still yields to static loads as before.
-
-    Parameters
-    ----------
-    omega : ndarray, shape (n,)
-        Angular frequencies [rad/s].
-
-    Returns
-    -------
-    FlexibleBody
-        Body in coordinates of unit modal mass.
-    ndarray, shape (n, n)
-        Matrix from these coordinates to the given body's.
+    It rings at these frequencies and still yields to static loads as before. Its coordinates have unit modal mass; the
+    matrix (n, n) from them to the given body's is returned, too.
     """
     scale = np.diag(omega / body.omega)
     return _combined(body, scale, omega), scale
@@ -68,19 +46,9 @@ def keep_lowest(body: FlexibleBody, own: Array, n: int) -> tuple[FlexibleBody, A
     """Return a body with the shapes of a poorer basis and its own n lowest ones alone.
 
     The lowest alone lack static responses that the poorer basis has, and so would differ from it by more than by what
-    it leaves out. A body of no more shapes than both are is returned as it is.
-
-    Parameters
-    ----------
-    own : ndarray, shape (n_nodes, 3, k)
-        Shapes of the poorer basis, which combine the body's.
-
-    Returns
-    -------
-    FlexibleBody
-        Body of up to k + n shapes, of unit modal mass and diagonal stiffness (Rayleigh–Ritz).
-    ndarray, shape (n_modes, k + n)
-        Matrix from these coordinates to the given body's.
+    it leaves out. A body of no more shapes than both are is returned as it is. The poorer basis' shapes ``own``
+    (n_nodes, 3, k) combine the body's; those of the result, k + n at most, have unit modal mass and diagonal stiffness
+    (Rayleigh–Ritz). With it comes the matrix (n_modes, k + n) from its coordinates to the given body's.
     """
     if len(body.omega) <= own.shape[-1] + n:
         return body, np.eye(len(body.omega))

@@ -171,12 +171,7 @@ class Comparison:
         self.frames = np.unique(np.concatenate(frames))
 
     def march(self, other: Pipeline, plan: Plan, work: float = 1.0) -> Motion:
-        """Integrate a plan of a variant at the run's fine times.
-
-        Parameters
-        ----------
-        work : float
-            Expected run time over that of the first march by this kind of method.
+        """Integrate a plan of a variant at the run's fine times, in about ``work`` times the first march's run time.
 
         Raises
         ------

@@ -151,14 +151,8 @@ def _near(on_edge: BoolArray, surface: SurfaceTopology, rings: int) -> BoolArray
 def _stress_along_edge(part: FlexiblePart, on: BoolArray, places: Array, u: Array) -> float:
     """Return the largest von Mises stress along the edges of another mesh under the same deformation [Pa].
 
-    The deformation is the combination of the part's shapes, beside a rigid motion, that is nearest to it.
-
-    Parameters
-    ----------
-    on : ndarray of bool, shape (n_surface,)
-        Nodes of its surface that are on the edges.
-    places, u : ndarray, shape (n, 3)
-        Nodes of the run's mesh, and their displacements [m].
+    The deformation is the combination of the part's shapes, beside a rigid motion, that is nearest to displacements u
+    (n, 3) of the run's nodes at ``places``; ``on`` (n_surface,) marks the part's surface nodes on the edges.
     """
     from scipy.spatial import cKDTree
 

@@ -202,14 +202,9 @@ def refinement_gain(ratio: float, order: int, edges: int, kind: str) -> float:
 
 
 def shifted_frequencies(omega: Array, excess: Array, part: float) -> Array:
-    """Return frequencies with ``part`` of the excess of their eigenvalues taken off.
+    """Return frequencies (n,) with ``part`` of the relative excess (n,) of their squares taken off.
 
-    Parameters
-    ----------
-    omega : ndarray, shape (n,)
-        Frequencies, angular or not.
-    excess : ndarray, shape (n,)
-        Relative excess of their squares; at most three quarters of a square are taken off.
+    At most three quarters of a square are taken off.
     """
     return np.asarray(omega * np.sqrt(1 - np.clip(part * excess, -MOST_OF_EIGENVALUE, MOST_OF_EIGENVALUE)))
 

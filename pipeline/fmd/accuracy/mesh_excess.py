@@ -18,12 +18,8 @@ if TYPE_CHECKING:
 def find_excess(part: FlexiblePart, body: FlexibleBody, pair: Pair | str, across: Pair | None) -> tuple[Array, Array]:
     """Return the excess of a body's squared frequencies (n,) and of products of its shapes' stiffness (n', n').
 
-    Parameters
-    ----------
-    pair : Pair or str
-        The run and its scene on a coarser mesh, or why there is none.
-    across : Pair, optional
-        The run and its scene with more elements from side to side, of whose lack the others know nothing.
+    ``pair`` has the run on a coarser mesh, or says why there is none; ``across`` that with more elements from side to
+    side, of whose lack the others know nothing.
     """
     of_modes, excess = _excess_along(part, body, pair)
     if across is None or not across.divides(part.name):

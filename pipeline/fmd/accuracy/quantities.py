@@ -46,12 +46,8 @@ def match_modes(part: FlexiblePart, other: FlexiblePart) -> Modes:
 def motion_quantities(run: Pipeline, motion: Motion, fine: Motion) -> Quantities:
     """Compute joints, tip and energies over time; a joint whose motion is given has no result.
 
-    Of joints with several coordinates it is how the body that they carry lies in space.
-
-    Parameters
-    ----------
-    motion, fine : Motion
-        At the output times, and at many more, among which the tip's largest deflection is looked for.
+    Of joints with several coordinates it is how the body that they carry lies in space. ``fine`` has many more times
+    than the output times, among which the tip's largest deflection is looked for.
     """
     kinetic, potential = (_above_round_off(energy, motion.energies) for energy in motion.energies)
     found = [Quantity("kinetic energy", "J", kinetic), Quantity("potential energy", "J", potential)]

@@ -112,12 +112,8 @@ class RequestedStress:
     ) -> Quantities:
         """Compute the stress of a motion of the run, or of a variant of it.
 
-        Parameters
-        ----------
-        frames : ndarray, shape (n_frames,)
-            Numbers of the output times at which all nodes are searched for the largest and smallest.
-        as_if : mapping of str to ndarray, optional
-            From each body's modal coordinates to those that its stress is made of, (n, n).
+        All nodes are searched for the largest and smallest at the output times of numbers ``frames``; ``as_if`` takes
+        each body's modal coordinates to those that its stress is made of, (n, n).
         """
         q = {name: motion.modal(name) for name in run.parts}
         if as_if is not None:

@@ -77,14 +77,7 @@ def estimate_response_errors(
 ) -> ResponseErrors:
     """Estimate the errors of a scene's frequency response, and of root mean squares in its range.
 
-    Parameters
-    ----------
-    request : tuple
-        Of what the model was made.
-    frequencies_hz : ndarray, shape (n_frequencies,)
-        [Hz], ascending.
-    density : callable, optional
-        Spectral density of the only input.
+    The model was made of ``request``; frequencies [Hz] ascend; ``density`` is the spectral density of the only input.
     """
     try:
         lowest = float(frequencies_hz[0])
@@ -107,12 +100,7 @@ def estimate_band_errors(
 ) -> BandErrors:
     """Estimate the errors of a linear model by ranges of frequency, up to that which its modes hold to.
 
-    Parameters
-    ----------
-    run, linear, request
-        As for `estimate_response_errors`.
-    reduced : LinearModel, optional
-        The model with fewer states; its distance from the whole one comes on top.
+    The distance of ``reduced``, the model with fewer states, from the whole one comes on top.
     """
     highest = float(linear.model.poles_hz.max(initial=1.0)) if linear.holds_to_hz is None else linear.holds_to_hz
     edges = np.geomspace(highest / 10.0**ERROR_DECADES, highest, ERROR_BANDS + 1)

@@ -22,19 +22,9 @@ if TYPE_CHECKING:
 
 
 def estimate_frequency_errors(run: Pipeline, rates: Array, frequencies_hz: Array) -> Array | str:
-    """Estimate the errors of a rotor's frequencies at some rates, or say why there is no estimate.
+    """Estimate the errors of a rotor's frequencies (n_rates, n_modes) [Hz] at some rates, or say why there is none.
 
-    Parameters
-    ----------
-    rates : ndarray, shape (n_rates,)
-        [rad/s], ascending.
-    frequencies_hz : ndarray, shape (n_rates, n_modes)
-        Ascending at each rate; not a number where a rate has fewer.
-
-    Returns
-    -------
-    ndarray, shape (n_rates, n_modes)
-        [Hz]
+    Rates (n_rates,) [rad/s] ascend, and frequencies at each of them; they aren't numbers where a rate has fewer.
     """
     if not run.parts:
         return np.zeros_like(frequencies_hz)
@@ -75,16 +65,10 @@ class RicherOrbits:
 def find_richer_orbits(
     run: Pipeline, respond: Callable[[Pipeline], Callable[[float], Array]], highest: float, order: float
 ) -> RicherOrbits | str:
-    """Find by which variants a run's orbits have errors, or why there are none.
+    """Find by which variants a run's orbits have errors up to a rate [rad/s], or why there are none.
 
-    Parameters
-    ----------
-    respond : callable
-        Returns of a run a function from a rate [rad/s] to the radii there [m], (n_markers,).
-    highest : float
-        Highest rate [rad/s].
-    order : float
-        How often the force goes round in a turn.
+    ``respond`` returns of a run a function from a rate [rad/s] to the radii there [m], (n_markers,); ``order`` is how
+    often the force goes round in a turn.
     """
     try:
         shift = shift_frequencies(run) if run.parts else None

@@ -27,16 +27,8 @@ def contact_table(
 ) -> ContactTable:
     """Make the table of bodies that touch planes or one another.
 
-    Parameters
-    ----------
-    links : sequence of int
-        Number of each body in the mechanism.
-    modes : sequence of ndarray, shapes (n_modes,)
-        Rates of each body's modal coordinates.
-    n_links, n : int
-        Numbers of bodies and of rates of the mechanism.
-    shift : int
-        From a mode's rate to its position.
+    They have the numbers ``links`` among the mechanism's ``n_links`` bodies, and rates ``modes`` (n_modes,) of modal
+    coordinates among n; ``shift`` is from a mode's rate to its position.
     """
     first = np.concatenate([[0], np.cumsum([len(body.points.x) for body in bodies])]).astype(np.int64)
     numbered = find_surfaces(bodies)

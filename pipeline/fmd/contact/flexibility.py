@@ -143,16 +143,10 @@ class ResidualFields:
 def find_residual_fields(
     fe: FEModel, solver: FreeBodySolver, body: FlexibleBody, nodes: IntArray, forces: Array
 ) -> ResidualFields:
-    """Return the displacements of a body that its modes leave out, under forces on some nodes over time.
+    """Return the displacements of a body that its modes leave out, under forces [N] on some nodes over time.
 
-    They are ``K⁺ f − V (Vᵀ K V)⁻¹ Vᵀ f``. Forces that are combinations of a few have as few fields (singular values).
-
-    Parameters
-    ----------
-    nodes : ndarray, shape (n_loaded,)
-        Nodes that forces act on.
-    forces : ndarray, shape (n_times, n_loaded, 3)
-        In the body's axes [N].
+    They are ``K⁺ f − V (Vᵀ K V)⁻¹ Vᵀ f`` for forces (n_times, n_loaded, 3) in the body's axes. Forces that are
+    combinations of a few have as few fields (singular values).
     """
     parts, sizes, rows = np.linalg.svd(forces.reshape(len(forces), -1), full_matrices=False)
     count = int((sizes > FORCES_RESOLVED * sizes.max(initial=0.0)).sum())

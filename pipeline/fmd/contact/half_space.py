@@ -8,25 +8,11 @@ from fmd.core.arrays import Array
 
 
 def half_space_flexibility(places: Array, cell: tuple[float, float], E: float, nu: float) -> Array:
-    """Return displacements of the middles of rectangles by unit forces that are spread over rectangles.
+    """Return displacements of the middles of rectangles by unit forces spread over rectangles, (n, 3, n, 3) [m/N].
 
-    Forces push into the half-space along its inward normal. The solutions of Boussinesq and Cerruti for a point's force
-    are integrated over a rectangle in closed form (Love, Phil Trans R Soc A 228, 1929; Johnson, Contact Mechanics,
-    chapter 3).
-
-    Parameters
-    ----------
-    places : ndarray, shape (n, 2)
-        Middles of the rectangles [m].
-    cell : tuple of float
-        Their sides [m].
-    E, nu : float
-        Young's modulus [Pa] and Poisson's ratio.
-
-    Returns
-    -------
-    ndarray, shape (n, 3, n, 3)
-        Along the inward normal and the two axes of the places [m/N], symmetric.
+    They are along the inward normal and the two axes of the places (n, 2) of the middles [m], symmetric; a rectangle
+    has the sides ``cell`` [m]. The solutions of Boussinesq and Cerruti for a point's force are integrated over a
+    rectangle in closed form (Love, Phil Trans R Soc A 228, 1929; Johnson, Contact Mechanics, chapter 3).
     """
     apart = places[:, None] - places[None]
     means = np.zeros((6, len(places), len(places)))

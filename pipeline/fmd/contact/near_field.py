@@ -91,16 +91,9 @@ def find_curved_place(points: ContactPoints, face: str, normal: Array) -> Curved
 def with_near_field(
     points: ContactPoints, face: str, at: CurvedPlace, half_width: float, count: int, E: float, nu: float
 ) -> ContactPoints:
-    """Return a body's points with a grid in place of a face's.
+    """Return a body's points with a grid of about ``count`` points in place of a face's.
 
-    Parameters
-    ----------
-    half_width : float
-        Half the width that the grid is to have along the larger curvature [m].
-    count : int
-        About how many points it is to have.
-    E, nu : float
-        Young's modulus [Pa] and Poisson's ratio of the body there.
+    Half of its width along the larger curvature is ``half_width`` [m]; E [Pa] and nu are the body's there.
 
     Raises
     ------

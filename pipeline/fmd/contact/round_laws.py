@@ -113,12 +113,9 @@ def ball_law(curvatures: tuple[float, float], modulus: float) -> tuple[Row, ...]
 
 
 def pin_law(radius: float, bore: float, length: float, modulus: float) -> tuple[tuple[Row, ...], float]:
-    """Return the law of a pin of a radius and a length on a plane, or in a bore of a radius [m]; infinite of a plane.
+    """Return the rows of the law of a pin on a plane or in a bore, and the depth that makes it wider than allowed [m].
 
-    Returns
-    -------
-    tuple
-        The rows, and the depth at which the contact is wider than a half-space allows [m].
+    Radius, bore, infinite of a plane, and length are in m. Wider contacts than that are no half-space's.
     """
     found = []
     for angle in np.geomspace(LEAST_ANGLE, WIDEST_ANGLE, LAW_ROWS):

@@ -28,21 +28,10 @@ package_version = cache(metadata.version)
 
 
 def stage_key(stage: str, inputs: Any, sources: tuple[str, ...], packages: tuple[str, ...] = ()) -> str:
-    """Name a stage's result after its inputs, the source code and the packages that make it.
+    """Name a stage's result after its inputs, the source code and the packages that make it, with a digest.
 
-    Parameters
-    ----------
-    inputs : object
-        All that the result depends on, as JSON takes it; other objects enter by their text.
-    sources : tuple of str
-        Folders and files of the source code, from the project's root, e.g. ``fmd/fem``.
-    packages : tuple of str
-        Distributions whose versions matter.
-
-    Returns
-    -------
-    str
-        The stage's name and a digest.
+    Inputs are as JSON takes them; other objects enter by their text. Sources are folders and files from the project's
+    root, e.g. ``fmd/fem``; packages are distributions whose versions matter.
     """
     content = {
         "format": "JSON and npy",  # of the files, and so a part of their names

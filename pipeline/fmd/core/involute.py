@@ -146,10 +146,8 @@ class GearPair:
     def place(self, angle: float) -> float:
         """Return where on the line of action a flank touches, beyond the path too [m].
 
-        Parameters
-        ----------
-        angle : float
-            From the line of the axes to the axis of the pinion's tooth, in the sense in which that flank drives [rad].
+        The angle is from the line of the axes to the axis of the pinion's tooth, in the sense in which that flank
+        drives [rad].
         """
         return self.pinion.base_radius * (angle + self.pinion.base_angle + self.alpha)
 

@@ -121,13 +121,7 @@ def perpendicular_axes(axis: Array) -> Array:
 
 
 def find_direction(name: str, axis: Array, other: Array | None = None) -> Array:
-    """Return a direction of a joint by its name, shape (3,), a unit vector.
-
-    Parameters
-    ----------
-    axis, other : ndarray, shape (3,)
-        The joint's axis and its other axis.
-    """
+    """Return a direction of a joint by its name, a unit vector (3,), from its axis and its other axis (3,)."""
     if name.startswith("-"):
         return -find_direction(name[1:], axis, other)
     if name in SPACE:

@@ -17,10 +17,7 @@ _GROUPS = (
 def available_memory(cgroup: Path = Path("/sys/fs/cgroup")) -> float:
     """Return the memory that is free or can be freed, within the limit of a container [bytes].
 
-    Parameters
-    ----------
-    cgroup : Path
-        Folder of this process's control group, version 2 or 1; psutil knows the machine's memory only.
+    Of that psutil knows nothing: it is in the folder of this process's control group, version 2 or 1.
     """
     import psutil
 

@@ -54,12 +54,7 @@ def empty_variable(
 
 
 def write_netcdf(path: Path, variables: Sequence[NetcdfVariable], blocks: Iterable[NetcdfBlock] = ()) -> None:
-    """Write variables to a NetCDF file; dimensions of the same name are shared.
-
-    Parameters
-    ----------
-    blocks : iterable of NetcdfBlock
-        Values of those variables that are empty (`empty_variable`), one after the other.
+    """Write variables to a NetCDF file; dimensions of the same name are shared; blocks fill variables that are empty.
 
     Raises
     ------

@@ -48,12 +48,8 @@ def cache_folder() -> Path:
 def is_private(folder: Path, make: bool = False) -> bool:
     """Return True if a folder belongs to this user and nobody else may write to it, or if it isn't there.
 
-    It is looked at once a run; if it isn't private, a line on standard error says so.
-
-    Parameters
-    ----------
-    make : bool
-        True to make it if it is missing, for this user alone; False is returned if that fails.
+    It is looked at once a run; if it isn't private, a line on standard error says so. On request it is made for this
+    user alone if it is missing; if that fails, it isn't private.
     """
     if folder not in _private:
         try:

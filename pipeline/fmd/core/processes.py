@@ -31,14 +31,9 @@ class ChildError(Exception):
 
 
 def child_command(target: str, *arguments: str, memory: int = 0) -> list[str]:
-    """Return the command of a child process.
+    """Return the command of a child process that may take some memory [bytes], without limit by default.
 
-    Parameters
-    ----------
-    target : str
-        A function of this package, ``fmd.meshes.cad:main``, or ``exec`` for the command in the arguments.
-    memory : int
-        Memory that it may take [bytes]; 0 for no limit.
+    Its target is a function of this package, ``fmd.meshes.cad:main``, or ``exec`` for the command in the arguments.
     """
     return [sys.executable, "-P", str(_CHILD), str(_ROOT), str(os.getpid()), str(memory), target, *arguments]
 

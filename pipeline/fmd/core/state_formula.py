@@ -35,14 +35,8 @@ class StateFormula:
 def parse_state_formula(text: str, curves: Collection[str] = ()) -> StateFormula:
     """Parse a formula of the time and of named variables: ``"-k*(shoulder.angle - ref(t)) - c*rate"``.
 
-    Any name that is no function stands for a variable; whether there is such a one is for others to check.
-
-    Parameters
-    ----------
-    text : str
-        As for `parse_formula`, with names of variables, which may have dots, and of curves.
-    curves : collection of str
-        Names that are called with one value; ``ref(t)`` is the variable ``ref`` itself.
+    Beside what `parse_formula` takes it has names of variables, which may have dots; whether there are such ones is for
+    others to check. Curves are called with one value; ``ref(t)`` is the variable ``ref`` itself.
 
     Raises
     ------

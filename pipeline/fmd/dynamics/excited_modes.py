@@ -32,15 +32,9 @@ class Excited:
 
 
 def excited_part(mechanism: Mechanism, q0: Array, tolerance: float) -> Excited | None:
-    """Leave out the modes that stay at rest; ``None`` if there are none, or if nothing else would move.
+    """Leave out the modes that stay at rest from a start q0; ``None`` if there are none, or if nothing else would move.
 
-    Parameters
-    ----------
-    q0 : ndarray, shape (n_positions,)
-        Positions at the start.
-    tolerance : float
-        What counts as no force and no coupling: a part of the largest static response to a force of its kind, and of
-        the modal mass.
+    No force is one below ``tolerance`` of the largest static response to its kind, no coupling that of the modal mass.
     """
     if mechanism.contacts or not any(len(link.omega) for link in mechanism.links):  # contact excites all modes
         return None
@@ -65,14 +59,8 @@ def excited_part(mechanism: Mechanism, q0: Array, tolerance: float) -> Excited |
 def reached(omega: Array, forces: Sequence[Array], couplings: Sequence[Array], tolerance: float) -> NDArray[np.bool_]:
     """Mark the modes that a force acts on, and those that a marked mode acts on in turn.
 
-    Parameters
-    ----------
-    omega : ndarray, shape (n,)
-        Angular frequencies [rad/s].
-    forces : sequence of ndarray, shapes (n,)
-        On each mode, one array for each kind of force; 1 is a large force.
-    couplings : sequence of ndarray, shapes (n, n)
-        Between modes; 1 is the modal mass.
+    Of the angular frequencies (n,) [rad/s] they are given by forces (n,), an array for each kind, 1 being a large
+    force, and by couplings (n, n), 1 being the modal mass.
     """
     marked = np.zeros(len(omega), dtype=bool)
     linked = np.zeros((len(omega), len(omega)), dtype=bool)

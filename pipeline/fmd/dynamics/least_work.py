@@ -27,10 +27,7 @@ from fmd.dynamics.transmitted_loads import BodyLoads, loaded_places
 def share_open_loads(mechanism: Mechanism, motion: Kinematics, loads: Sequence[BodyLoads]) -> list[BodyLoads]:
     """Return the loads on each body with those that the motion of rigid bodies leaves open as stiffness shares them.
 
-    Parameters
-    ----------
-    motion : Kinematics
-        With all bodies rigid, under all constraints.
+    The motion has all bodies rigid, under all constraints.
     """
     count, rigid = len(motion.times), motion.mechanism
     moments = np.unique(np.linspace(0, count - 1, SHARED_MOMENTS).astype(int))

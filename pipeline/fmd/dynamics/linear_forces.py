@@ -90,10 +90,7 @@ def linearise_forces(mechanism: Mechanism) -> LinearForces:
 def _element_matrices(motion: Kinematics, element: Element) -> Matrices:
     """Return stiffness and damping of an element, and those that its end stops add, by unit rates of one state.
 
-    Parameters
-    ----------
-    motion : Kinematics
-        One state with each rate at 1 in turn, and last with all at 0.
+    The motion has this state with each rate at 1 in turn, and last with all at 0.
     """
     values, rates, swings = motion.strain(element)
     J, swing = ((part[:-1] - part[-1]).T for part in (rates, swings))

@@ -188,16 +188,9 @@ def controller_state(name: str, start: StateFunction | float, slope: StateFuncti
 
 
 def rigid_integrals(mass: float, centre: Array, inertia: Array) -> InertiaIntegrals:
-    """Form the inertia integrals of a rigid body about the origin of its frame.
+    """Form the inertia integrals of a rigid body [kg] about the origin of its frame.
 
-    Parameters
-    ----------
-    mass : float
-        [kg]
-    centre : ndarray, shape (3,)
-        Centre of mass in the body's frame [m].
-    inertia : ndarray, shape (3, 3)
-        Inertia tensor about the centre of mass [kg m²].
+    Its centre of mass is in the frame [m], and its inertia tensor about that [kg m²].
     """
     second = 0.5 * inertia.trace() * np.eye(3) - inertia + mass * (centre[:, None] * centre)
     return InertiaIntegrals(second[:, :, None, None], mass * centre[:, None], mass)

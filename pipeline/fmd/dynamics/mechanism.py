@@ -42,12 +42,7 @@ class Layout(NamedTuple):
 def layout_of(links: Sequence[Link], fast_joints: Sequence[str], slow_modes: Sequence[int]) -> Layout:
     """Number the coordinates; rotations in space are slow, so every rate after them has the same shift to its position.
 
-    Parameters
-    ----------
-    fast_joints : sequence of str
-        Links whose joint coordinate is fast.
-    slow_modes : sequence of int
-        How many of each link's modes, the lowest, are slow.
+    Fast are the joints of the links ``fast_joints`` and, of each link's modes, all but the lowest ``slow_modes``.
     """
     rate, position = np.zeros(len(links), dtype=np.int64), np.zeros(len(links), dtype=np.int64)
     mode = np.zeros((len(links), max(len(link.omega) for link in links)), dtype=np.int64)
@@ -299,10 +294,7 @@ class Mechanism:
     def with_known(self, known: Callable[[Quantity], Quantity]) -> Mechanism:
         """Return the mechanism without sampling, whose controllers' outputs are known as functions of time.
 
-        Parameters
-        ----------
-        known : callable
-            Returns, for a value that is held or a state's, its function of time, and any other quantity as it is.
+        ``known`` returns that of a value that is held or a state's, and any other quantity as it is.
         """
         return replace(
             self,

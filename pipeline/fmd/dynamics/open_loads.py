@@ -36,19 +36,9 @@ State = Mapping[tuple[str, int], Array]
 
 
 def open_loads(rigid: Mechanism, times: Array, q: Array) -> list[Array]:
-    """Return which components of the loads on each body are left open by the motion of rigid bodies.
+    """Return which components of the loads on each body are left open by the motion of rigid bodies, (n_loads, 6).
 
-    Parameters
-    ----------
-    rigid : Mechanism
-        With all bodies rigid, and all of its constraints.
-    times, q : ndarray, shapes (n_times,) and (n_times, n_positions)
-        Its motion.
-
-    Returns
-    -------
-    list of ndarray of bool, shapes (n_loads, 6)
-        For each body, in its own axes and in the order of `BodyLoads.wrenches`.
+    They are in the body's axes, in the order of `BodyLoads.wrenches`; ``rigid`` has all constraints.
     """
     counts = [len(_places_on(rigid, body)) for body in range(len(rigid.links))]
     found = [np.zeros((count, 6), dtype=bool) for count in counts]

@@ -80,21 +80,11 @@ def _closing_reactions(mechanism: Mechanism, times: Array, q: Array, v: Array, m
 def closing_reactions(
     mechanism: Mechanism, times: Array, q: Array, v: Array, pushes: Sequence[Array] = ()
 ) -> dict[str, Array]:
-    """Compute force [N] and moment [N m] of each joint that closes a loop on its parent and on its child.
+    """Compute force [N] and moment [N m] of each joint that closes a loop on its parent and child, (n_times, 2, 6).
 
-    Where constraints are redundant, no motion tells how joints share their load; the smallest multipliers are taken.
-
-    Parameters
-    ----------
-    times, q, v : ndarray, shapes (n_times,), (n_times, n_positions) and (n_times, n)
-        Times [s] with positions and rates that close the loops.
-    pushes : sequence of ndarray, shapes (n_times, n_bodies, 6) and (n_times, n)
-        Of contacts, on the bodies' frames, in their axes, and on modes; none without contacts.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (n_times, 2, 6)
-        In space, about the joint's place on the parent and on the child, by the joints' names.
+    They are in space, about the joint's place on each, by the joints' names. Where constraints are redundant, no motion
+    tells how joints share their load; the smallest multipliers are taken. Positions and rates close the loops; contacts
+    push bodies' frames, in their axes, and modes: ``pushes``, (n_times, n_bodies, 6) and (n_times, n).
     """
     multipliers = np.zeros((len(times), 0))
     if mechanism.closing_joints:

@@ -59,23 +59,14 @@ def highest_frequency(M: Array, K: Array) -> float:
 
 
 def largest_leapfrog_step(M: Array, K: Array, C: Array) -> float:
-    """Return the longest stable step of the leapfrog method for ``M q̈ + C q̇ + K q = 0`` [s].
+    """Return the longest stable step of the leapfrog method for ``M q̈ + C q̇ + K q = 0`` [s], (n, n) each.
 
     The method takes rates half a step ahead by the last acceleration. A vibration of mass m, damping c and stiffness k
     goes by ``(z − 1)² z + κ z² + γ (z − 1)(3 z − 1)/2 = 0`` with κ = h² k/m and γ = h c/m, which has all ``|z| ≤ 1``
     for ``κ + 4 γ ≤ 4`` and nowhere else (Jury's conditions). So does every vibration of symmetric matrices with its own
     m, c and k: the limit is where ``4 M − 4 h C − h² K`` becomes singular, ``h = 2/μ`` with the largest eigenvalue μ of
-    ``μ² M − 2 μ C − K``. Without dampers it is ``2/ω_max``.
-
-    Parameters
-    ----------
-    M, K, C : ndarray, shape (n, n)
-        Mass, positive definite, stiffness and damping, positive semidefinite.
-
-    Returns
-    -------
-    float
-        Never infinite: a system without forces has a step that is longer than any duration.
+    ``μ² M − 2 μ C − K``. Without dampers it is ``2/ω_max``. It is never infinite: a system without forces has a step
+    that is longer than any duration.
     """
     if not np.any(C):
         return 2.0 / highest_frequency(M, K)

@@ -34,19 +34,9 @@ class Arms:
         return moved
 
     def stiffness(self, forces: Array, shapes: Array) -> Array:
-        """Return the geometric stiffness of shapes by forces on the arms' ends.
+        """Return the geometric stiffness (k, n, n) of shapes (n_points, 3, n) by forces on the arms' ends, symmetric.
 
-        Parameters
-        ----------
-        forces : ndarray, shape (n_points, 3, k)
-            Loads less the forces of the elements [N]; what is left acts on the links.
-        shapes : ndarray, shape (n_points, 3, n)
-            Displacements [kg^-1/2].
-
-        Returns
-        -------
-        ndarray, shape (k, n, n)
-            Symmetric [N/m per unit of the shapes squared].
+        Forces (n_points, 3, k) [N] are loads less those of the elements; what is left acts on the links.
         """
         n_links = self.turn.shape[0] // 3
         moments = np.zeros((n_links, 3, 3, forces.shape[2]))
@@ -77,14 +67,8 @@ def second_of_rigid(r: Array) -> Array:
 def second_of_mean(r: Array, places: Array, weights: Array) -> Array:
     """Return ``second`` of `Arms` for arms r (k, 3) that follow the mean motion of nodes.
 
-    Displacements of second order of the nodes themselves have a mean rotation, which is none of the arms'.
-
-    Parameters
-    ----------
-    places : ndarray, shape (n, 3)
-        Nodes relative to their centroid [m].
-    weights : ndarray, shape (3, n, 3)
-        Weights of the mean rotation [1/m], as `Marker.rotation_weights`.
+    Displacements of second order of the nodes, at places (n, 3) from their centroid [m], have a mean rotation, which is
+    none of the arms'; its weights (3, n, 3) [1/m] are `Marker.rotation_weights`.
     """
     spurious = np.einsum("aid,idbc->abc", weights, second_of_rigid(places))
     return np.asarray(second_of_rigid(r) - np.einsum("cae,abd,pe->pcbd", EPSILON, spurious, r))

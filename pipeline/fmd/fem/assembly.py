@@ -30,12 +30,7 @@ from fmd.fem.strain import condensed_stiffness
 def assemble(mesh: AnyMesh, order: int, material: AnyMaterial, formulation: Formulation = "enhanced") -> FEModel:
     """Assemble stiffness and consistent mass of a solid, of a shell, of beams, or of some of them as one body.
 
-    Parameters
-    ----------
-    order : int
-        Order of the displacement, 1 or 2.
-    formulation : str
-        ``enhanced`` or ``plain`` strain of linear hexahedra; of no effect on other elements.
+    The displacement is of order 1 or 2, and linear hexahedra of ``enhanced`` or ``plain`` strain.
 
     Raises
     ------

@@ -28,17 +28,10 @@ from fmd.fem.strain import DOUBLED, TENSOR, VOIGT, stresses
 
 
 def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
-    """Return the geometric stiffness of the linear stress of each displacement, assembled from that of elements.
+    """Return geometric stiffness of the linear stress of each of k displacements (n_nodes, 3, k) [m].
 
-    Parameters
-    ----------
-    u : ndarray, shape (n_nodes, 3, k)
-        Displacements [m].
-
-    Returns
-    -------
-    list of sparse array, shape (n_nodes, n_nodes)
-        Scalar matrices [N/m] in the pattern of ``fe.m``, each for all three components of a displacement.
+    It is assembled from that of elements, as scalar matrices [N/m] in the pattern of ``fe.m``, each for all three
+    components of a displacement.
     """
     each = [_element_sums(own.space, own.material(fe.material), own.of_shapes(u)) for own in fe.discretisation.members]
     n = len(fe.discretisation.x)
@@ -77,17 +70,8 @@ def _on_all(space: AnySpace, matrices: Sequence[sp.csr_array], n: int) -> sp.csr
 def reduced_geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:
     """Geometric stiffness of shapes, ``K_G[j, l] = ∫ σ_ab ∂_a φ_j·∂_b φ_l dV``, for the stress of each field u.
 
-    Parameters
-    ----------
-    u : ndarray, shape (n_nodes, 3, k)
-        Displacements that cause the stress [m].
-    shapes : ndarray, shape (n_nodes, 3, n)
-        Displacements that it stiffens [kg^-1/2].
-
-    Returns
-    -------
-    ndarray, shape (k, n, n)
-        Symmetric [N/m per unit of the shapes squared].
+    Fields (n_nodes, 3, k) [m] stiffen shapes (n_nodes, 3, n); (k, n, n) is symmetric [N/m per unit of the shapes
+    squared].
     """
     matrices = geometric_stiffness(fe, u)
     return energies(matrices, shapes[: matrices[0].shape[0]])  # nodes of elements come first
@@ -140,14 +124,8 @@ def quadratic_strain_load(fe: FEModel, u: Array) -> tuple[Array, float]:
 def membrane_ratio(fe: FEModel, u: Array, v: Array, f: Array, energy: float) -> float:
     """Return how much stiffer stretching makes a body at a displacement, relative to its linear stiffness.
 
-    Parameters
-    ----------
-    u : ndarray, shape (n_nodes, 3)
-        Displacement [m].
-    v : ndarray, shape (n_nodes, 3)
-        Static response to ``−f`` [m].
-    f, energy
-        As `quadratic_strain_load` returns them.
+    Of the displacement u `quadratic_strain_load` gives f and energy; v is the static response to ``−f``, (n_nodes, 3)
+    [m].
     """
     flat = u.ravel()
     linear = 0.5 * float(flat @ (fe.K @ flat))

@@ -132,10 +132,7 @@ class SummedLayers(Layered):
     def energy_root(self, space: ElementSpace, X: Array, elements: IntArray, strain: Array) -> Array:
         """Return R (n_elements, n_plane, 15, n) with ``|R|²`` twice the energy of strains (n_elements, 6, n_q, n).
 
-        Parameters
-        ----------
-        X : ndarray, shape (3, n_q)
-            The quadrature points, of whose weights strains have the roots.
+        Of the weights of the quadrature points X (3, n_q) strains have the roots.
         """
         moments = self.laminate.moments(_through(X)[0])
         root = np.repeat(np.sqrt(moments.weights), len(PLANE))

@@ -102,15 +102,9 @@ def arms_marker(points: IntArray, x: Array) -> Marker:
 def inertia_points(mass: float, inertia: Array, length: float) -> tuple[Array, Array]:
     """Return places (7, 3) about the centre of mass and masses (7,) of points with a body's inertia.
 
-    The second moment ``W = ½ tr(J) 1 − J`` is that of pairs of points along its principal axes, ``w_k = 2 μ_k a²``.
-    Their mass is taken off the point in the middle. Without inertia all others are 0.
-
-    Parameters
-    ----------
-    inertia : ndarray, shape (3, 3)
-        Inertia tensor J about the centre of mass [kg m²].
-    length : float
-        Length of the arms where the inertia doesn't give one [m].
+    The second moment ``W = ½ tr(J) 1 − J`` is that of pairs of points along its principal axes, ``w_k = 2 μ_k a²``, by
+    the tensor J about the centre of mass [kg m²]. Their mass is taken off the point in the middle. Where the inertia
+    gives an arm no length it is ``length`` [m]; without inertia all other masses are 0.
     """
     total = 0.5 * float(np.trace(inertia))
     if mass > 0 and total > 0:

@@ -163,14 +163,9 @@ class FollowingFace:
 
 
 def follow_face(space: Discretisation, face: IntArray, onto: IntArray, within: float | None = None) -> FollowingFace:
-    """Let the nodes of boundary facets follow those of others, where both are near.
+    """Let the nodes of boundary facets (n,) follow those of others (m,), where both are near.
 
-    Parameters
-    ----------
-    face, onto : ndarray, shape (n,) and (m,)
-        Numbers of the facets.
-    within : float, optional
-        How far apart they may be [m]; a share of each facet's size by default.
+    That is within a distance [m], or a share of each facet's size by default.
     """
     others, n, area = _group(space, onto), len(space.x), 0.0
     rows, columns, values, mixed = [], [], [], [np.zeros((3, 0))]

@@ -27,13 +27,7 @@ class PartitionError(ValueError):
 
 
 def interior_facets(space: Discretisation) -> tuple[IntArray, IntArray]:
-    """Find the facets that two elements share.
-
-    Returns
-    -------
-    elements, local : ndarray, shapes (n_facets, 2)
-        Both elements of each facet, and its number in each.
-    """
+    """Return both elements of each facet that two share, and the facet's number in each, (n_facets, 2) both."""
     facets, nodes = space.kind.facet_corners, joined_nodes(space)
     keys = np.concatenate([three_corners(nodes[:, corners]) for corners in facets])
     order = np.lexsort(keys.T)
@@ -62,17 +56,9 @@ def facet_areas(space: Discretisation, elements: IntArray, local: IntArray) -> A
 
 
 def divide_mesh(space: Discretisation, count: int, together: Sequence[IntArray] = ()) -> IntArray:
-    """Divide a mesh into connected pieces of about equal volume.
+    """Divide a mesh into connected pieces of about equal volume, and return each element's, (n_elements,), from 0.
 
-    Parameters
-    ----------
-    together : sequence of ndarray of int
-        Elements of which METIS puts each set into one piece.
-
-    Returns
-    -------
-    ndarray of int, shape (n_elements,)
-        Number of each element's piece, from 0; along a part that doesn't branch they follow one another.
+    Pieces follow one another along a part that doesn't branch. METIS puts each set of elements ``together`` into one.
 
     Raises
     ------
@@ -104,14 +90,7 @@ def divide_mesh(space: Discretisation, count: int, together: Sequence[IntArray] 
 def count_bare_nodes(element_nodes: IntArray, labels: IntArray, elements: IntArray) -> int:
     """Count nodes common to pieces that have no facet in common; forces across these nodes are lost in a cut part.
 
-    Parameters
-    ----------
-    element_nodes : ndarray, shape (n_elements, n_local)
-        Nodes of each element.
-    labels : ndarray of int, shape (n_elements,)
-        Number of each element's piece.
-    elements : ndarray, shape (n_facets, 2)
-        Elements on both sides of each interior facet.
+    Elements have nodes (n_elements, n_local) and pieces (n_elements,), interior facets elements (n_facets, 2).
     """
     n, count = int(element_nodes.max()) + 1, int(labels.max()) + 1
     pairs = np.unique(np.stack([element_nodes.ravel(), np.repeat(labels, element_nodes.shape[1])]), axis=1)
@@ -153,12 +132,7 @@ def _divide_along_path(space: Discretisation, elements: IntArray, areas: Array, 
 def path_coordinates(space: Discretisation, elements: IntArray, areas: Array) -> Array:
     """Return a number for each element that grows along the longest path through the body, shape (n_elements,).
 
-    Parameters
-    ----------
-    elements : ndarray, shape (n_facets, 2)
-        Elements on both sides of each interior facet.
-    areas : ndarray, shape (n_facets,)
-        Areas of the facets [m²].
+    Interior facets have elements (n_facets, 2) on both sides, and areas (n_facets,) [m²].
     """
     n, centres = len(space.element_nodes), space.x[space.element_nodes].mean(axis=1)
     first, second = elements.T
@@ -182,14 +156,7 @@ def path_coordinates(space: Discretisation, elements: IntArray, areas: Array) ->
 def join_fragments(labels: IntArray, elements: IntArray, volumes: Array, count: int) -> IntArray | None:
     """Give loose elements to the piece beside them; ``None`` if a piece consists of several large parts, or of none.
 
-    Parameters
-    ----------
-    labels : ndarray of int, shape (n_elements,)
-        Number of each element's piece.
-    elements : ndarray, shape (n_facets, 2)
-        Elements on both sides of each interior facet.
-    volumes : ndarray, shape (n_elements,)
-        [m³]
+    Elements have pieces and volumes (n_elements,) [m³]; ``elements`` (n_facets, 2) are beside each interior facet.
     """
     n = len(labels)
     for _ in range(3):

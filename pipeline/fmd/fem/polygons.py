@@ -9,19 +9,10 @@ from fmd.core.limits.newton import LOCATING_CORRECTIONS
 
 
 def common_triangles(one: Array, other: Array) -> tuple[Array, IntArray]:
-    """Return triangles that cover what convex polygons have in common, and the number of each one's pair.
+    """Return triangles (n, 3, 2) that cover what convex polygons have in common, and the number of each one's pair.
 
-    Sutherland and Hodgman's algorithm: the first polygon is cut along each side of the second.
-
-    Parameters
-    ----------
-    one, other : ndarray, shape (n_pairs, 3 or 4, 2)
-        Corners of both, counter-clockwise; a corner may be there twice.
-
-    Returns
-    -------
-    triangles : ndarray, shape (n_triangles, 3, 2)
-    pair : ndarray, shape (n_triangles,)
+    Sutherland and Hodgman's algorithm: the first polygon is cut along each side of the second. Corners, (n_pairs, 3 or
+    4, 2), are counter-clockwise; one may be there twice.
     """
     polygon = one
     for a, b in zip(other.swapaxes(0, 1), np.roll(other, -1, axis=1).swapaxes(0, 1), strict=True):

@@ -220,12 +220,8 @@ def _rectangles(
 ) -> tuple[Array, IntArray]:
     """Return points and quadrilaterals of rectangles y0 … y1, z0 … z1 that meet side by side.
 
-    Parameters
-    ----------
-    split : int
-        Quadrilaterals each way in every piece.
-    cut : float
-        Distance from the middle at which rectangles are cut across y, so that pieces share their points.
+    They are cut across y at a distance from the middle, so that pieces share their points, and each piece has ``split``
+    quadrilaterals each way.
     """
     points, quads = list[Array](), list[IntArray]()
     for y0, y1, z0, z1 in walls:

@@ -39,11 +39,8 @@ def facets_in_plane(space: AnySpace, axis: int, place: float) -> IntArray:
 def facets_near(space: AnySpace, point: Array, faces: Sequence[IntArray] = ()) -> IntArray:
     """Return the corners (n_facets, 3), as `facets_in_plane` does, of the face nearest to a point (3,) [m].
 
-    Parameters
-    ----------
-    faces : sequence of ndarray, shape (n, 3)
-        Known faces of the body. If none of them holds the nearest facet, the face ends at edges sharper than 40°, which
-        takes a mesh fine enough, or curved elements.
+    If none of the body's known faces (n, 3) holds the nearest facet, the face ends at edges sharper than 40°, which
+    takes a mesh fine enough, or curved elements.
     """
     away = [_facet_distances(own.space, point) for own in space.members]
     member, each = min(zip(space.members, away, strict=True), key=lambda pair: float(pair[1].min()))
@@ -65,10 +62,7 @@ def _facet_distances(space: Discretisation, point: Array) -> Array:
 def nodes_on_faces(space: AnySpace, faces: Sequence[IntArray]) -> IntArray:
     """Return the nodes that all faces share: of one face, of the edge of two, of the corner of three.
 
-    Parameters
-    ----------
-    faces : sequence of ndarray
-        Mesh points of each face; a facet of the boundary lies on it if all of its corners do.
+    A facet of the boundary lies on a face if all of its corners are among the face's mesh points.
 
     Raises
     ------
@@ -119,16 +113,9 @@ def points_of_nodes(space: AnySpace, nodes: IntArray) -> IntArray:
 
 
 def body_nodes(space: AnySpace) -> tuple[Array, IntArray, BoolArray]:
-    """Return a body's nodes, of a shell those of its midsurface.
+    """Return positions (n, 3) [m] of a body's nodes, their rows among all points, and which of them have rotations.
 
-    Returns
-    -------
-    x : ndarray, shape (n, 3)
-        Positions [m].
-    rows : ndarray, shape (n,)
-        Their rows among all points.
-    turning : ndarray, shape (n,)
-        True for those with rotations.
+    Those of a shell are on its midsurface.
     """
     x, rows, turning = [], [], []
     for own in reversed(space.members):  # of nodes at one place those with rotations come first
@@ -140,18 +127,9 @@ def body_nodes(space: AnySpace) -> tuple[Array, IntArray, BoolArray]:
 
 
 def locate_points(space: Discretisation, points: Array) -> tuple[IntArray, Array]:
-    """Find the element that holds each point, or comes nearest to it, by Newton's method.
+    """Return the element (n,) that holds each point (n, 3) [m], or comes nearest to it, and the reference coordinates.
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3)
-        [m].
-
-    Returns
-    -------
-    elements : ndarray, shape (n,)
-    X : ndarray, shape (n, 3)
-        Reference coordinates, within the reference cell.
+    They are found by Newton's method, and are within the reference cell, (n, 3).
     """
     corners, geometry = space.corner_coordinates, space.kind.geometry
     count = min(NEAREST_ELEMENTS, len(corners))

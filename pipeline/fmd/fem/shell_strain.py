@@ -82,12 +82,8 @@ def triangle_strain(space: ElementSpace, material: AnyElastic, X: Array, element
 def _covariant(dN: Array, J: Array, which: tuple[tuple[int, int], ...] = _COMPONENTS) -> Array:
     """Return covariant strains by nodal displacements, shears doubled: (n_components, n_elements, n_q, n_columns).
 
-    Parameters
-    ----------
-    dN : ndarray, shape (n_local, 3, n_q)
-        Derivatives of the shape functions of the displacement by reference coordinates.
-    J : ndarray, shape (n_elements, n_q, 3, 3)
-        Base vectors, last axis reference.
+    Shape functions have derivatives dN (n_local, 3, n_q), and J (n_elements, n_q, 3, 3) base vectors, last axis
+    reference.
     """
     d, g = dN.transpose(1, 2, 0)[:, None, :, :, None], np.moveaxis(J, 3, 0)[:, :, :, None, :]
     each = [d[a] * g[b] + d[b] * g[a] if a != b else d[a] * g[a] for a, b in which]

@@ -203,12 +203,9 @@ class Discretisation:
         return jacobians(self.kind.geometry, self.corner_coordinates[elements], X)
 
     def gradients(self, X: Array, elements: slice | IntArray) -> tuple[Array, Array]:
-        """Return spatial gradients of the shape functions and Jacobian determinants at reference points X (3, n_q).
+        """Return gradients (n_elements, n_q, n_local, 3) [1/m] and Jacobian determinants (n_elements, n_q) [m³].
 
-        Returns
-        -------
-        g : ndarray, shape (n_elements, n_q, n_local, 3) [1/m]
-        det : ndarray, shape (n_elements, n_q) [m³]
+        They are those of the shape functions in space at reference points X (3, n_q).
         """
         _, dN = shape_functions(self.kind.element, X)
         inverse, det = inverse_and_determinant(self.jacobians(X[:, :1] if self.kind.is_affine else X, elements))

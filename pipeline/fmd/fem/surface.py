@@ -36,12 +36,7 @@ def surface_topology(space: AnySpace) -> SurfaceTopology:
 def polygon_surface(x: Array, polygons_by_size: Sequence[IntArray]) -> SurfaceTopology:
     """Return the surface of polygons, counter-clockwise from outside; six or eight nodes have some between corners.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n_nodes, 3)
-        Positions of all nodes.
-    polygons_by_size : sequence of ndarray, shapes (n_facets, n_around)
-        Nodes around the facets of 3, 4, 6 or 8 nodes; a corner is first.
+    All nodes are at x (n_nodes, 3); arrays (n_facets, n_around) hold those around facets of one size, a corner first.
     """
     triangles, edges = [], []
     for around in polygons_by_size:
@@ -62,13 +57,7 @@ def polygon_surface(x: Array, polygons_by_size: Sequence[IntArray]) -> SurfaceTo
 
 
 def surface_normals(x: Array, surface: SurfaceTopology) -> Array:
-    """Return unit normals at a surface's nodes (n_surface, 3), means of the triangles around by area.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n_nodes, 3)
-        Positions of all nodes.
-    """
+    """Return unit normals (n_surface, 3) at a surface's nodes, among all at x: means of triangles around by area."""
     corners = x[surface.nodes][surface.triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros((len(surface.nodes), 3))
@@ -82,11 +71,6 @@ def reentrant_angles(x: Array, surface: SurfaceTopology) -> Array:
     """Return the largest angle of material at a re-entrant edge through each of a surface's nodes [rad], (n_surface,).
 
     It is 0 where there is no such edge: those less sharp than `REENTRANT_ANGLE` are those of curved faces.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n_nodes, 3)
-        Positions of all nodes.
     """
     points, triangles = x[surface.nodes], surface.triangles
     corners = points[triangles]
@@ -154,12 +138,7 @@ def _split_along_length(x: Array, polygons: IntArray) -> IntArray:
 def turn_outwards(x: Array, polygons: IntArray, inside: Array) -> IntArray:
     """Return the nodes around facets (n_facets, n_around) counter-clockwise, seen from outside.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n_nodes, 3)
-        Positions of all nodes.
-    inside : ndarray, shape (n_facets, 3)
-        A place in the element of each facet.
+    All nodes are at x (n_nodes, 3); each facet's element holds a place ``inside`` (n_facets, 3).
     """
     polygons, has_middles = polygons.copy(), polygons.shape[1] >= 6
     corners = x[polygons[:, :: 1 + has_middles]]

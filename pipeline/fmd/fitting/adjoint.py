@@ -82,17 +82,10 @@ def find_gradient(
     channels: Sequence[ResultChannel],
     weights: Array,
 ) -> dict[Parameter, float]:
-    """Find derivatives of a weighted sum of histories by many numbers, by the adjoint of the march.
+    """Find derivatives [1/SI] of a weighted sum of histories by many numbers, by the adjoint of the march.
 
-    Parameters
-    ----------
-    weights : ndarray, shape (n_channels · n_times,)
-        Of the histories' values, one after the other; nothing `lacks_adjoint`.
-
-    Returns
-    -------
-    dict of Parameter to float
-        By the numbers [1/SI]; without those that turn a body's shapes into others.
+    Weights (n_channels · n_times,) are of the histories' values, one after the other, of which nothing `lacks_adjoint`.
+    Numbers that turn a body's shapes into others are left out.
     """
     total, served = HistorySum(frozen, motion, channels, weights.reshape(len(channels), -1)), {}
     for each in parameters:

@@ -24,16 +24,10 @@ def write_changed_scene(
     comments: Sequence[str],
     overrides: Sequence[str] = (),
 ) -> None:
-    """Write a scene that is the given one with other numbers, and check that it reads back so.
+    """Write a scene that is the given one with other numbers [SI], and check that it reads back so.
 
-    Parameters
-    ----------
-    values : mapping of Parameter to float
-        The numbers [SI].
-    comments : sequence of str
-        First lines, which say from what the numbers came.
-    overrides : sequence of str
-        Values that were used instead of the scene's own, ``key=value``.
+    Comments are its first lines, which say from what the numbers came; overrides are values ``key=value`` that were
+    used instead of the scene's own.
 
     Raises
     ------

@@ -25,14 +25,9 @@ _PART = re.compile(r"(.+?) by (.+?) (real|imaginary)")
 
 
 def read_experiments(runs: Sequence[tuple[Pipeline, str]], sigmas: Mapping[str, float]) -> tuple[Experiment, ...]:
-    """Read experiments, each from a file, with the scene that it was made on.
+    """Read experiments, each from a file, as `read_table` takes it, with the stages of the scene that it was made on.
 
-    Parameters
-    ----------
-    runs : sequence of tuple
-        Stages of a scene, and the file of what was measured on it, as `read_table` takes it.
-    sigmas : mapping of str to float
-        Standard deviations of the noise by channels [SI]; those of ``frequency`` and ``damping`` are relative.
+    Channels' noise has standard deviations [SI]; those of ``frequency`` and ``damping`` are relative.
 
     Raises
     ------

@@ -22,12 +22,7 @@ from fmd.scene.scene import Scene
 def write_sensitivities(found: Sequence[Sensitivity], times: Array | None, folder: Path, title: str) -> list[str]:
     """Write sensitivities into a folder and return the names of the files.
 
-    Parameters
-    ----------
-    found : sequence of Sensitivity
-        One at least.
-    times : ndarray, optional
-        Output times of the histories among them [s].
+    Histories among them have output times [s].
 
     Raises
     ------
@@ -102,12 +97,7 @@ def _write(path: Path, header: list[str], rows: Sequence[Sequence[object]]) -> N
 def write_design(found: Optimum, folder: Path, given: str, overrides: Sequence[str], name: str = "design") -> list[str]:
     """Write a design as a scene and its figures as JSON into a folder, and return the files' names.
 
-    Parameters
-    ----------
-    overrides : sequence of str
-        Values that were used instead of the scene's own, ``key=value``.
-    name : str
-        Of the files, without suffix.
+    They have one ``name``; overrides are values ``key=value`` that were used instead of the scene's own.
 
     Raises
     ------
@@ -150,16 +140,9 @@ def _value(row: dict[str, object]) -> str:
 def write_fit(
     fit: Fit, scene: Scene, folder: Path, given: str, data: Sequence[str], overrides: Sequence[str] = ()
 ) -> list[str]:
-    """Write a fit's files into a folder and return their names.
+    """Write a fit's files into a folder, which is made if it is missing, and return their names.
 
-    Parameters
-    ----------
-    folder : Path
-        Made if it is missing.
-    data : sequence of str
-        File of each experiment's measurements.
-    overrides : sequence of str
-        Values that were used instead of the scene's own, ``key=value``.
+    Data are the files of the experiments, overrides values ``key=value`` that were used instead of the scene's own.
 
     Raises
     ------

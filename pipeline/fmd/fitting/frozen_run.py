@@ -98,14 +98,8 @@ class FrozenRun:
     ) -> FrozenMotion:
         """Return the scene at some values of its numbers [SI], with the frozen run as its motion.
 
-        Bases of finite elements that these numbers change are computed anew.
-
-        Parameters
-        ----------
-        moves : bool
-            False where no motion is needed: of frequencies alone.
-        by : sequence of Parameter, optional
-            Numbers to differentiate by; those of ``values`` by default.
+        Bases of finite elements that these numbers change are computed anew. Frequencies alone need no motion. It is
+        differentiated by the numbers of ``by``, or of all values.
 
         Raises
         ------
@@ -122,16 +116,11 @@ class FrozenRun:
         return FrozenMotion(other, values, plan, by)
 
     def beside(self, motion: FrozenMotion, parameter: Parameter, share: float = 1.0, moves: bool = True) -> Beside:
-        """Return the scene a little below and above one of its numbers.
+        """Return the scene a little below and above one of its numbers, by ``share`` of the usual.
 
         Where the method carries tangents, and the number doesn't turn shapes into others, both motions are the scene's
         own with its tangent. Else, where neither the method nor the basis of a body stands against it, they are drawn
         back to that between them, so that their difference is the derivative of the steps, too.
-
-        Parameters
-        ----------
-        share : float
-            How far, of the usual.
 
         Raises
         ------

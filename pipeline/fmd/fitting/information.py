@@ -42,10 +42,7 @@ class Information:
 def find_information(J: Array) -> Information:
     """Return the inverse of ``Jᵀ J``, with infinite variances where columns of J depend on each other or are 0.
 
-    Parameters
-    ----------
-    J : ndarray, shape (n_residuals, n)
-        Derivatives of residuals over their noise.
+    J (n_residuals, n) has the derivatives of residuals over their noise.
     """
     sizes = np.linalg.norm(J, axis=0)
     determined = sizes > 0.0

@@ -62,16 +62,8 @@ def march_neighbours(
 ) -> list[Trajectory]:
     """March a run for numbers as far below its own as above it, drawn back to it after each part.
 
-    Parameters
-    ----------
-    run : PartedMarch
-        The march between them.
-    plans : sequence of Plan
-        The same run at both numbers.
-    signs : sequence of dict
-        By what to multiply its modal coordinates for those of the run itself, by bodies.
-    times : ndarray
-        Output times [s].
+    There is a plan for each of both numbers, and for each body what its modal coordinates are multiplied by for those
+    of the run itself, whose march is between them; output times in s.
     """
     found: list[list[Trajectory]] = [[], []]
     states: list[State | None] = [None, None]

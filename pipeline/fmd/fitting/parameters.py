@@ -36,14 +36,9 @@ class Parameter:
 
 
 def find_parameter(scene: Scene, key: str, origin: str = "--to") -> Parameter:
-    """Find a number of a scene by its key.
+    """Find a number of a scene by its key, dotted as for ``--set``; messages name the option or file that has it.
 
-    Parameters
-    ----------
-    key : str
-        Dotted as for ``--set``; a formula or a table of a load counts as one number, its factor 1.
-    origin : str
-        Option or file that names the key, for messages.
+    A formula or a table of a load counts as one number, its factor 1.
 
     Raises
     ------

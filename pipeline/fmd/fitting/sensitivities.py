@@ -25,19 +25,9 @@ def frequency_change(run: Pipeline, minus: Pipeline, plus: Pipeline, body: str, 
 
     That is ``δω² = φᵀ (δK − ω² δM) φ + 2 φᵀ (K − ω² M) δφ`` for a mode with unit modal mass; the second term is of
     modes that a joint holds, by its forces. Modes of one frequency turn into each other: their changes are the
-    eigenvalues of this matrix for the whole group, in ascending order.
-
-    Parameters
-    ----------
-    run, minus, plus : Pipeline
-        The scene, and variants of it with the same nodes on both sides.
-    mode : int
-        Number of the mode, from 0.
-
-    Returns
-    -------
-    ndarray, shape (3,)
-        The mode's change, the mean change of its group, and the same from the variants' own modes, as a check.
+    eigenvalues of this matrix for the whole group, in ascending order. The variants have the run's nodes; modes are
+    numbered from 0. Returned are the mode's change, the mean change of its group, and the same from the variants' own
+    modes, as a check.
 
     References
     ----------

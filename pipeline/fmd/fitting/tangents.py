@@ -52,18 +52,9 @@ class Side:
 
 
 def find_direction(plan: Plan, sides: Sequence[Side]) -> Direction | None:
-    """Find how a run's equations and start change with a number.
+    """Find how a run's equations and start change with a number, by the run at other values of it, four at most.
 
-    Parameters
-    ----------
-    sides : sequence of Side
-        The same run at other values of the number, four at most.
-
-    Returns
-    -------
-    Direction or None
-        ``None`` where the number turns a body's shapes into others, or where tangents can't be marched by the run's
-        method.
+    There is none where the number turns a body's shapes into others, or where the run's method marches no tangents.
     """
     system, q0, v0 = plan.marched
     own, marched = system.compiled, [side.plan.marched for side in sides]

@@ -70,20 +70,9 @@ def sample_tolerances(
 ) -> dict[str, Array]:
     """Return intervals that hold 95 % of the results of numbers that are drawn from normal distributions.
 
-    Numbers are those of a Latin hypercube (McKay, Beckman & Conover, Technometrics 21, 1979); method and steps are
-    frozen. Nothing is taken for linear.
-
-    Parameters
-    ----------
-    tolerances : mapping of str to float
-        Half-widths of 95 %, relative, by the numbers' keys.
-    count : int
-        How many scenes are computed.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (2,) or (1,)
-        Ends of the interval of each result, or of a history the root mean square over time of half its width.
+    Numbers are those of a Latin hypercube of ``count`` scenes (McKay, Beckman & Conover, Technometrics 21, 1979), with
+    relative half-widths of 95 % by their keys; method and steps are frozen. Nothing is taken for linear. Each result
+    has both ends, (2,), or of a history the root mean square over time of half the width, (1,).
     """
     from scipy.stats import norm
     from scipy.stats.qmc import LatinHypercube

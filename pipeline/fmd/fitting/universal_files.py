@@ -53,10 +53,7 @@ class UniversalFunction(NamedTuple):
 def read_universal(path: Path, places: Mapping[int, str]) -> tuple[list[str], list[Array]]:
     """Read the functions of a universal file as columns with names and units; values are taken in SI units.
 
-    Parameters
-    ----------
-    places : mapping of int to str
-        Markers by numbers of nodes; functions at others are left out.
+    Markers stand for numbers of nodes; functions at others are left out.
 
     Raises
     ------

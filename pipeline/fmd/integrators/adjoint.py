@@ -125,13 +125,9 @@ class Sums:
 
 @singledispatch
 def take_back(method: Integrator, march: WeightedMarch, sums: Sums) -> tuple[Array, Array, float]:
-    """March, and take all steps back.
+    """March, take all steps back, and return derivatives by positions (n_positions,) and rates (n,) of the start.
 
-    Returns
-    -------
-    tuple of ndarray, ndarray, float
-        Derivatives by positions (n_positions,) and rates (n,) of the start, and the largest part that corrections left
-        of weights that they were to make 0.
+    The third is the largest part that corrections left of weights that they were to make 0.
     """
     raise NotImplementedError
 
@@ -148,14 +144,7 @@ def pull_back(
 ) -> Array:
     """Differentiate a weighted sum of a march's output along some directions, shape (n_directions,).
 
-    Parameters
-    ----------
-    method : Integrator
-        By which it is marched; one that `carries_tangent`.
-    system : CompiledSystem
-        What is marched, one that `has_tangents`.
-    q0, v0, times, by_q, by_v
-        As `WeightedMarch` has them.
+    The method `carries_tangent`, and the system `has_tangents`; the rest is as `WeightedMarch` has it.
 
     Raises
     ------

@@ -218,11 +218,7 @@ class FixedMarch:
 
         The kernel is called for some steps at a time, so that progress shows and divergence is noticed early; neither
         that nor ``times`` changes the steps. ``contacts`` (n_times, n_values) are filled with values of contacts.
-
-        Returns
-        -------
-        tuple of State, ndarray, ndarray, float
-            The last state, positions and rates at the output times, and the run time of the compiled march [s].
+        Returns the last state, positions and rates at the output times, and the run time of the compiled march [s].
 
         Raises
         ------
@@ -325,19 +321,10 @@ class FixedStepIntegrator(ResumableIntegrator):
         return found
 
     def marches(self, system: System, states: Array, times: Array) -> list[Trajectory | None]:
-        """March from many states of positions and rates at time 0 by one kernel call.
+        """March from many states of positions and rates at time 0 by one kernel call; those that diverge give None.
 
-        Parameters
-        ----------
-        states : ndarray, shape (n_marches, n_positions + n + n_numbers)
-            Each may be of a system of its own, whose numbers are behind it, see `ends`.
-        times : ndarray, shape (n_times,)
-            Output times [s].
-
-        Returns
-        -------
-        list of Trajectory or None
-            As `march` gives them; None of those that diverge.
+        States are (n_marches, n_positions + n + n_numbers): each may be of a system of its own, whose numbers are
+        behind it, see `ends`. Output times are in s.
         """
         require_times(times)
         q0, v0, _ = np.split(states[0], [system.n_positions, system.n_positions + system.n])
@@ -365,11 +352,8 @@ class FixedStepIntegrator(ResumableIntegrator):
     ) -> tuple[Array, Array, Array, IntArray, float]:
         """March from each of many `State.values`, with what belongs to a start, and with output times if there are any.
 
-        Returns
-        -------
-        tuple of ndarray, ndarray, ndarray, ndarray of int, float
-            Values at the ends, positions and rates at the output times, the number of steps that each march took
-            before it ran away, and run time of a march [s].
+        Returns values at the ends, positions and rates at the output times, the number of steps that each march took
+        before it ran away, and run time of a march [s].
         """
         march, state, p = self.fixed_march(system), start.copy(), system.parameters
         samples, starts = make_samples(state, times, march.step), make_starts(state, values, first, times, p)

@@ -14,12 +14,7 @@ from fmd.kernels.kernel import kernel
 def state_slopes(system: System, times: Array, states: Array) -> Array:
     """Return the time derivatives of positions and rates at many states, shape (n_states, n_positions + n).
 
-    Parameters
-    ----------
-    times : ndarray, shape (n_states,)
-        [s]
-    states : ndarray, shape (n_states, n_positions + n) or with n_numbers more columns
-        Positions and rates; behind them each state may have the numbers of a system of its own, see `numbers_in`.
+    Behind positions and rates each state may have the numbers of a system of its own, see `numbers_in`; times in s.
     """
     parts = np.split(states, [system.n_positions, system.n_positions + system.n], axis=1)
     q, v, numbers = (np.ascontiguousarray(part) for part in parts)

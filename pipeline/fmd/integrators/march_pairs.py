@@ -140,15 +140,8 @@ def _largest_difference(q: Array, other: Array, at: IntArray, groups: IntArray, 
     """Return the largest difference of two motions, each coordinate's over its group's largest value, and these.
 
     A group that hasn't moved has the size `STILL_GROUP`: its values are round-off, as where a coupler holds them at 0.
-
-    Parameters
-    ----------
-    q, other : ndarray, shapes (n_some, n) and (n_times, n)
-        Values at some of the times, and at all of them.
-    at : ndarray of int, shape (n_some,)
-        Numbers of these times.
-    least : ndarray, shape (n_groups,) or (0,)
-        What counts at least as a group's largest value.
+    The first, q (n_some, n), has the times of numbers ``at`` (n_some,) among those of the other (n_times, n). ``least``
+    (n_groups,), or nothing, counts at least as a group's largest value.
     """
     largest = np.zeros(int(groups.max(initial=-1)) + 1)
     if not groups.size:  # all motions are prescribed

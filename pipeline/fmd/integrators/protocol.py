@@ -166,10 +166,7 @@ class Integrator(ABC):
     def ladders(cls, explicit: Sequence[float], coarse: Sequence[float]) -> Iterator[Sequence[Integrator]]:
         """Yield families of this method, coarse to fine, for a comparison of run time and error.
 
-        Parameters
-        ----------
-        explicit, coarse : sequence of float
-            Steps that central difference is stable with, and longer ones up to the shortest of those [s].
+        Steps [s] are those that central difference is stable with, and longer ones up to the shortest of those.
         """
         yield from ()
 
@@ -219,32 +216,18 @@ class ResumableIntegrator(Integrator):
         return False
 
     def map_slopes(self, slopes: Array) -> Array:
-        """Return maps of disturbed positions, rates and accelerations over a step of linearised equations of motion.
+        """Return maps (n_points, n_values, n_values) of disturbed states over a step of linearised equations of motion.
 
-        Parameters
-        ----------
-        slopes : ndarray, shape (n_points, 2 n, 2 n)
-            Of the time derivatives of positions and rates, by both.
-
-        Returns
-        -------
-        ndarray, shape (n_points, n_values, n_values)
+        Slopes (n_points, 2 n, 2 n) are of the time derivatives of positions and rates, by both; states have
+        accelerations, too.
         """
         raise NotImplementedError
 
     def ends(self, system: System, start: State, values: Array, first: IntArray, n_cycles: int) -> Array:
-        """Return the `State.values` in which marches over some cycles end, by a method with a fixed step.
+        """Return the `State.values` in which marches over ``n_cycles`` major cycles end, by a method with a fixed step.
 
-        Parameters
-        ----------
-        start : State
-            As `start` gives it, or as a march of this method has ended.
-        values : ndarray, shape (n_marches, n_values)
-            `State.values` in the place of the start's own, a row for each march.
-        first : ndarray of int, shape (n_marches,)
-            Number of the first step of each.
-        n_cycles : int
-            How many major cycles each takes.
+        The start is as `start` gives it, or as a march of this method has ended; ``values`` (n_marches, n_values) are
+        in the place of its own, a row for each march, whose first step has the number ``first`` (n_marches,).
         """
         found = np.empty(values.shape)
         for row, own, step in zip(found, values, first.tolist(), strict=True):

@@ -38,13 +38,9 @@ def threads_at_once() -> int:
 def march_at_once(marches: Sequence[March], progress: Progress | None = None) -> tuple[list[Outcome], float]:
     """March at the same time, the last of which should take longest, and return what `march_in_turn` does.
 
-    Kernels hold no lock of Python's, so that each march runs on a core of its own. Where there are fewer
-    cores, or ``OMP_NUM_THREADS`` allows fewer threads, they run in turn, and find the same.
-
-    Parameters
-    ----------
-    progress : callable, optional
-        Told how far the last march is; what it raises ends all.
+    Kernels hold no lock of Python's, so that each march runs on a core of its own. Where there are fewer cores, or
+    ``OMP_NUM_THREADS`` allows fewer threads, they run in turn, and find the same. What is told how far the last march
+    is may raise to end all.
     """
     if len(marches) < 2 or len(marches) > threads_at_once():
         return march_in_turn(marches, progress)

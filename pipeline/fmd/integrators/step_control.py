@@ -85,22 +85,11 @@ def raise_balance(p: Any, groups: IntArray, n_positions: int, largest: Array, ba
 
 @inner
 def scaled_error(groups: IntArray, largest: Array, balance: Array, error: Array, n_positions: int, h: float) -> float:
-    """Return the largest error over its group's largest value; NaN if an error or a value isn't finite.
+    """Return the largest error (n,) over its group's largest value; NaN if an error or a value isn't finite.
 
-    The round-off of accelerations that balance is taken off: where all rests it is as large as what has moved.
-
-    Parameters
-    ----------
-    groups : ndarray, shape (n,)
-        Group of each error, -1 of one that doesn't count.
-    largest : ndarray, shape (n_groups,)
-        Largest value of each group, the end of the trial step included.
-    balance : ndarray, shape (n_groups,)
-        Of each group as `balance_of_groups` has it.
-    n_positions : int
-        How many of the errors are of positions; the others are of rates.
-    h : float
-        Step [s].
+    The round-off of accelerations that ``balance_of_groups`` tells is taken off: where all rests it is as large as what
+    has moved. A group of -1 doesn't count; the largest values (n_groups,) include the end of the trial step of length h
+    [s]; the first ``n_positions`` errors are of positions, the others of rates.
     """
     worst = 0.0
     for i in range(groups.size):

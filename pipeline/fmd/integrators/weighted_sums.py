@@ -66,18 +66,8 @@ def add_weighted_rows(
 ) -> None:
     """Compute ``out = base + h (Σ weight_k K[row_k] + latest_weight K[latest])`` over ``count`` rows k.
 
-    Parameters
-    ----------
-    base, out : ndarray, shape (n,)
-        May be the same.
-    K : ndarray, shape (any, n)
-        Overlaps neither.
-    row, weight : ndarray, shape (count or more,)
-        Numbers of the rows, and their weights.
-    count : int
-        How many; a multiple of four, of four at least.
-    latest : int
-        Number of the row that was written last.
+    Base and out (n,) may be the same, and overlap no row of K (any, n), of which ``latest`` was written last; the count
+    is a multiple of four.
     """
     n, at = out.size, 0
     while at + 8 <= n:

@@ -19,10 +19,7 @@ if TYPE_CHECKING:
 def distances_from(surface: Primitive, x: Array) -> Array:
     """Return how far places are from a rigid surface, negative in its body [m], (n,); infinite beyond ends of an axis.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n, 3)
-        Places in the body's frame [m].
+    Places x (n, 3) are in the body's frame [m].
     """
     along, half = (x - np.array(surface.at)) @ np.array(surface.axes).T, np.array(surface.half)
     beside = along - np.clip(along, -half, half)

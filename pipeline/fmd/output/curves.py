@@ -65,12 +65,7 @@ _FORMER = {"com_position": "centre_of_mass", "joint_angle": "joint_position"}
 
 
 def curves_of(run: Pipeline, output: Chart) -> Curves:
-    """Compute the curves of a chart, one for each run.
-
-    Returns
-    -------
-    tuple of str, dict and tuple
-        Axis label, values by the run's label, names of the components.
+    """Compute the curves of a chart: axis label, values by the runs' labels, and names of the components.
 
     Raises
     ------

@@ -105,14 +105,8 @@ class PipelineBody(ExportedBody):
 def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list[Path]:
     """Write a scene's body, or its mechanism, in the format of a name; return the files, the first of them ``path``.
 
-    Parameters
-    ----------
-    name : str
-        One of `fmd.scene.outputs.EXPORT_FORMATS`.
-    body : str, optional
-        Flexible body that the file holds; None for formats of the whole mechanism.
-    path : Path
-        Where the file goes; its folder exists.
+    The name is one of `fmd.scene.outputs.EXPORT_FORMATS`; formats of the whole mechanism take no body. The file's
+    folder exists.
 
     Raises
     ------

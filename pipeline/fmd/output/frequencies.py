@@ -72,10 +72,7 @@ def _name_boundary(part: FlexiblePart, divided: bool) -> str:
 def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
     """Warn of unusual values, poor meshes, and bases with more modes than requested, to complete a group of equal ones.
 
-    Returns
-    -------
-    list of dict
-        ``code``, ``body`` and ``text`` of each warning.
+    Each warning has ``code``, ``body`` and ``text``.
     """
     found = [{"code": UNUSUAL, "text": text} for text in find_unusual(run.scene)]
     for name, part in run.wholes.items():

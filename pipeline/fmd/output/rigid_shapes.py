@@ -28,10 +28,7 @@ _THIN = 0.25  # least edge of a box over its longest: a body without inertia abo
 def shape_surfaces(run: Pipeline, body: str, size: float) -> list[tuple[Surface, str | None]]:
     """Return the shapes of a rigid body in its scene's coordinates, with their colours if the scene gives them.
 
-    Parameters
-    ----------
-    size : float
-        Extent of the whole mechanism [m], by which rods are as thick as can be seen.
+    Rods are as thick as can be seen in a mechanism of an extent [m].
     """
     table: Any = run.scene.body[body]
     if table.visual:

@@ -15,12 +15,7 @@ def write_maps(
 ) -> tuple[list[StabilityMap], str]:
     """Draw the stability of the two-degree-of-freedom system for one ratio, a panel for each inertial coupling.
 
-    Returns
-    -------
-    list of StabilityMap
-        One for each coupling.
-    str
-        Name of the picture in the folder.
+    Returns the map of each coupling, and the name of the picture in the folder.
     """
     from fmd.render.stability_chart import Panel, draw_stability
 

@@ -103,10 +103,7 @@ class SteppedScene:
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Go back to time 0, and return what is observed and ``{"time": 0.0}``; nothing is random in it.
 
-        Parameters
-        ----------
-        seed, options
-            Not used: gymnasium hands them over.
+        Seed and options aren't used: gymnasium hands them over.
         """
         self._march = self._begin()
         return self._look(), {"time": 0.0}

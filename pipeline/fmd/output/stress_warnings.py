@@ -19,25 +19,13 @@ if TYPE_CHECKING:
 
 
 def stress_warnings(run: Pipeline, worst: Mapping[str, tuple[float, int, float]]) -> list[dict[str, str]]:
-    """Return all warnings about a run's stress.
-
-    Parameters
-    ----------
-    worst : mapping of str to tuple of float, int, float
-        For each body with stress time, place among its surface's nodes, and value of its largest stress.
-    """
+    """Return all warnings about a run's stress, of which each body has a worst time, surface node, and value."""
     nodes = {name: node for name, (_, node, _) in worst.items()}
     return [*spot_stress_warnings(run), *limitless_warnings(run, worst), *output_time_warnings(run, nodes)]
 
 
 def output_time_warnings(run: Pipeline, worst: Mapping[str, int]) -> list[dict[str, str]]:
-    """Return warnings about output times that are too far apart for a body's largest stress.
-
-    Parameters
-    ----------
-    worst : mapping of str to int
-        For each body with stress the place among its surface's nodes where stress is largest.
-    """
+    """Return warnings about output times too far apart for a body's largest stress, at the node of a place."""
     found = []
     for body, node in worst.items():
         missed = _missed(run, body, node)
@@ -105,10 +93,7 @@ def spot_stress_warnings(run: Pipeline) -> list[dict[str, str]]:
 def limitless_warnings(run: Pipeline, worst: Mapping[str, tuple[float, int, float]]) -> list[dict[str, str]]:
     """Return warnings about loads at points and on edges, around which stress has no limit.
 
-    Parameters
-    ----------
-    worst : mapping of str to tuple
-        Time, place and value of each body's largest stress elsewhere, as `StressHistory.worst` has it.
+    Each body's largest stress elsewhere has time, place and value, as `StressHistory.worst` has it.
     """
     found = []
     for body, (time, _, value) in worst.items():

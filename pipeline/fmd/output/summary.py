@@ -60,13 +60,7 @@ def summarise_solved(
 
 
 def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: float = math.inf) -> dict[str, Any]:
-    """Gather a run's figures; the keys about modes and stress are there if the scene has a flexible body.
-
-    Parameters
-    ----------
-    budget_seconds : float
-        Time that this may take [s].
-    """
+    """Gather a run's figures within some seconds; those of modes and stress are there if there is a flexible body."""
     summary: dict[str, Any] = {"scene": run.scene.name, "version": __version__}
     if run.wholes:
         summary |= frequency_table(run)

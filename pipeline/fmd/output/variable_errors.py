@@ -35,10 +35,7 @@ class VariableErrors:
     def of(self, variable: Variable, in_body: bool = False) -> float | str:
         """Return a variable's largest error over time in its unit, or a text that begins with ``not stated``.
 
-        Parameters
-        ----------
-        in_body : bool
-            A vector is in the axes of its body, whose own turn has an error, too.
+        A vector in the axes of its body has the error of that body's own turn, too.
         """
         if variable.units == OF_FORMULA:
             return NOT_COMPARED

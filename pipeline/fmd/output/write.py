@@ -24,14 +24,8 @@ def write_results(
 ) -> dict[str, Any]:
     """Compute the results that a scene asks for, write them into a folder and return the summary.
 
-    Parameters
-    ----------
-    folder : Path
-        Made if it is missing; each file appears whole or not at all.
-    pictures : bool
-        Draw pictures; without, neither PyVista nor Matplotlib is loaded.
-    budget_seconds : float, optional
-        Time that this may take [s]; three times that of the run by default, less for long runs.
+    The folder is made if it is missing; each file appears whole or not at all. Without pictures neither PyVista nor
+    Matplotlib is loaded. The budget may take some seconds; three times those of the run by default, less for long runs.
 
     Raises
     ------

@@ -55,10 +55,7 @@ class Deformation:
 def deformation_shapes(space: AnySpace, body: FlexibleBody, supported: bool) -> DeformationShapes:
     """Evaluate rotation and strain of a body's shapes where each of them is largest, and evenly over the body.
 
-    Parameters
-    ----------
-    supported : bool
-        True if supports hold the body in its frame, so that no section at the joint turns against it.
+    If supports hold the body in its frame, no section at the joint turns against it.
     """
     rotation, strain = (
         np.concatenate(each)
@@ -93,15 +90,9 @@ def node_deformation_shapes(body: FlexibleBody, supported: bool, of_matter: bool
 
     The straight line from a node to one of its nearest turns and stretches with the material between them. Along the
     line from the joint to a marker a cubic curve has the displacement and the rotation of both ends, as a beam has that
-    is loaded at its ends. A single marker has neither: strain isn't known then, and left out.
-
-    Parameters
-    ----------
-    supported : bool
-        True if supports hold the body in its frame, so that no section at the joint turns against it.
-    of_matter : bool
-        True if the nodes move as matter does, false if they may be masses that carry inertia alone: then markers are
-        taken in their place.
+    is loaded at its ends. A single marker has neither: strain isn't known then, and left out. If supports hold the body
+    in its frame, no section at the joint turns against it. Nodes that may be masses which carry inertia alone don't
+    move as matter does; markers are taken in their place.
     """
     of_markers = list(body.markers.values())
     points = body.x if of_matter else np.array([marker.position for marker in of_markers])
@@ -140,13 +131,7 @@ def _near_pairs(x: Array, shapes: Array) -> tuple[Array, Array]:
 
 
 def measure_deformation(shapes: DeformationShapes, body: FlexibleBody, q: Array) -> Deformation:
-    """Find the largest rotation and strain over a motion, and the shortening towards each marker.
-
-    Parameters
-    ----------
-    q : ndarray, shape (n_times, n)
-        Modal coordinates.
-    """
+    """Find the largest rotation and strain over a motion q (n_times, n), and the shortening towards each marker."""
     shortening = {}
     for name, line in shapes.lines.items():
         square = np.zeros(len(q))

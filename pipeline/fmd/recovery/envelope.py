@@ -36,13 +36,7 @@ class StressEnvelope:
 
 
 def stress_envelope(stress: StressHistory, workers: int | None = None) -> StressEnvelope:
-    """Find the extremes of stress at all nodes over all output times.
-
-    Parameters
-    ----------
-    workers : int, optional
-        Threads; all cores by default. It changes no number.
-    """
+    """Find the extremes of stress at all nodes over all output times, by so many threads, all cores by default."""
     n_nodes, n_times = len(stress.nodes), len(stress.times)
     extremes, frames = np.empty((n_nodes, 3)), np.zeros((n_nodes, 3), dtype=np.int64)
     extremes[:] = -1.0, -np.inf, np.inf
@@ -71,12 +65,8 @@ def estimate_missed_peak(stress: StressHistory, node: int) -> float:
     """Estimate by how much the largest von Mises stress at a node is larger between output times, as a part of it.
 
     Through three output times goes a parabola whose top is at most an eighth of their second difference beyond the
-    sampled ones; a vibration sampled less than about four times a period shows no more than that it is too fast.
-
-    Parameters
-    ----------
-    node : int
-        Place in ``stress.nodes``.
+    sampled ones; a vibration sampled less than about four times a period shows no more than that it is too fast. The
+    node is a place in ``stress.nodes``.
     """
     tensors = stress.modal[node] @ stress.q.T
     sizes = von_mises(tensors[None])[0]
@@ -92,16 +82,8 @@ def estimate_missed_vibration(stress: StressHistory, node: int, rates: Array, om
 
     A rate that differs from the coordinate's central difference belongs to a vibration that the output times don't
     resolve; over the angular frequency it is what this vibration's amplitude has beside its displacement at that time.
-    So a vibration whose period the output times hit exactly is seen, too, although all its outputs are alike.
-
-    Parameters
-    ----------
-    node : int
-        Place in ``stress.nodes``.
-    rates : ndarray, shape (n_times, n)
-        Rates of the modal coordinates.
-    omega : ndarray, shape (n,)
-        Their angular frequencies [rad/s].
+    So a vibration whose period the output times hit exactly is seen, too, although all its outputs are alike. The node
+    is a place in ``stress.nodes``; modal coordinates have rates (n_times, n) and frequencies (n,) [rad/s].
     """
     tensors = stress.modal[node] @ stress.q.T
     sizes = von_mises(tensors[None])[0]

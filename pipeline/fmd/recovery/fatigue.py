@@ -166,14 +166,8 @@ _Measure = _SignedVonMises | _NormalStress
 def fatigue_by_signed_von_mises(stress: StressHistory, law: FatigueLaw, worst: int, share: float) -> FatigueLife:
     """Assess the von Mises stress with the sign of the principal stress that is the largest by size.
 
-    Parameters
-    ----------
-    stress : StressHistory
-        Of the surface's nodes.
-    worst : int
-        Number of nodes whose damage is wanted, those with the most.
-    share : float
-        Part of the largest damage down to which damage is wanted of all nodes, 1 for the worst nodes alone.
+    The damage of ``worst`` nodes is wanted, those with the most, and of all others down to ``share`` of the largest, 1
+    for the worst alone.
     """
     modal, q = _decorrelated(stress)
     return _assess(_SignedVonMises(modal), stress.nodes, q, law, worst, share)
@@ -184,14 +178,8 @@ def fatigue_by_critical_plane(
 ) -> FatigueLife:
     """Assess the normal stress on planes across the surface, and keep the plane with the most damage.
 
-    Parameters
-    ----------
-    stress, worst, share
-        As for `fatigue_by_signed_von_mises`.
-    normals : ndarray, shape (n_nodes, 3)
-        Unit normals of the surface at the nodes.
-    planes : int
-        Number of planes, evenly over half a turn about the surface's normal.
+    So many planes are even over half a turn about the surface's unit normals (n_nodes, 3); the rest is as for
+    `fatigue_by_signed_von_mises`.
     """
     rows, axes, q = _in_surface(stress, normals)
     return _assess(_NormalStress(rows, axes, planes), stress.nodes, q, law, worst, share)

@@ -105,16 +105,9 @@ def _blocks(motions: Mapping[str, Motion]) -> Iterator[NetcdfBlock]:
 def gather_runs(
     times: Array, runs: Mapping[str, Sequence[Variable]], errors: Errors | None = None
 ) -> tuple[list[NetcdfVariable], list[NetcdfVariable]]:
-    """Stack the variables of several runs, and return them and the coordinates of their common dimensions.
+    """Stack the variables of several runs, the same of each, and return them and the coordinates of their dimensions.
 
-    Parameters
-    ----------
-    times : ndarray, shape (n_times,)
-        Output times [s].
-    runs : mapping of str to sequence of Variable
-        The same variables of each run, by the runs' labels.
-    errors : callable, optional
-        Gives the attribute ``error`` of a variable.
+    Output times are in s; ``errors`` gives the attribute ``error`` of a variable.
     """
     tables = [{variable.name: variable for variable in variables} for variables in runs.values()]
     data = [

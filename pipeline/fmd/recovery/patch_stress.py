@@ -29,19 +29,9 @@ if TYPE_CHECKING:
 
 
 def patch_stress(space: AnySpace, material: AnyMaterial, shapes: Array, node: int) -> Array:
-    """Stress of each shape at a node by a fit to the elements around it.
+    """Stress of each shape (n_nodes, 3, n) at a node by a fit to the elements around it, shape (6, n).
 
-    Parameters
-    ----------
-    shapes : ndarray, shape (n_nodes, 3, n)
-        Displacement fields.
-    node : int
-        Node number.
-
-    Returns
-    -------
-    ndarray, shape (6, n)
-        xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
+    Components are xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
     """
     space, material, shapes, node = _around(space, material, shapes, node)
     X = space.kind.stress_points
@@ -61,17 +51,9 @@ def patch_stress(space: AnySpace, material: AnyMaterial, shapes: Array, node: in
 
 
 def element_stresses(space: AnySpace, material: AnyMaterial, shapes: Array, node: int) -> Array:
-    """Stress of each shape at a node in each element around it, whose mean is the averaged stress.
+    """Stress of each shape (n_nodes, 3, n) at a node in each element around it, whose mean is the averaged stress.
 
-    Parameters
-    ----------
-    shapes : ndarray, shape (n_nodes, 3, n)
-        Displacement fields.
-
-    Returns
-    -------
-    ndarray, shape (n_elements, 6, n)
-        xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
+    Components of (n_elements, 6, n) are xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
     """
     space, material, shapes, node = _around(space, material, shapes, node)
     elements, places = np.nonzero(space.element_nodes == node)
@@ -105,17 +87,12 @@ def _around(
 
 
 def energy_errors(space: AnySpace, material: AnyMaterial, shapes: Array) -> Array:
-    """Energy products of the errors of shapes, shape (n, n) [J per unit of two shapes].
+    """Energy products (n, n) of the errors of shapes (n_nodes, 3, n) [J per unit of two shapes].
 
     The strain of the elements jumps between them; averaged at the nodes and interpolated, it is more accurate, and the
     energy of the difference estimates that of the error (Zienkiewicz & Zhu, Int J Num Meth Eng 24, 1987). Strain and
     stress jump between materials in truth: each is averaged over the elements of one. With unit modal mass, an
     eigenvalue is too high by its mode's own product [rad²/s²].
-
-    Parameters
-    ----------
-    shapes : ndarray, shape (n_nodes, 3, n)
-        Displacement fields.
     """
     return sum(
         (_member_errors(own.space, own.material(material), own.of_shapes(shapes)) for own in space.members),

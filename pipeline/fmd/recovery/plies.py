@@ -44,12 +44,9 @@ class PlyExtremes:
 
 
 def modal_ply_stress(space: Discretisation, material: Layered, shapes: Array, elements: IntArray) -> Array:
-    """Return the stress of shapes in the middle of elements at both faces of each ply.
+    """Return the stress of shapes in the middle of elements at both faces of each ply, (n_elements, n_plies, 2, 5, n).
 
-    Returns
-    -------
-    ndarray, shape (n_elements, n_plies, 2, 5, n)
-        11, 22, 23, 13, 12 [Pa per unit of the shape].
+    Components are 11, 22, 23, 13, 12 [Pa per unit of the shape].
     """
     from fmd.fem.strain import strains  # with scikit-fem, which names of plies don't need
 
@@ -75,13 +72,7 @@ def extremes_of_laminates(
     body: Any,
     stress: StressOfPlies = modal_ply_stress,
 ) -> list[PlyExtremes]:
-    """Return the extremes of each laminate of a body over a motion.
-
-    Parameters
-    ----------
-    body : Layerable
-        Table of the body in the scene, whose ``lamina`` have strengths.
-    """
+    """Return the extremes of each laminate of a body, in whose table ``lamina`` have strengths, over a motion."""
     own = shells_of(space)
     everything = np.arange(len(own.space.element_nodes))
     return [
@@ -111,14 +102,9 @@ def ply_extremes(
     strengths: Sequence[Array],
     stress: StressOfPlies = modal_ply_stress,
 ) -> PlyExtremes:
-    """Return the extremes of elements of one laminate over a motion.
+    """Return the extremes of elements of one laminate over a motion q (n_times, n).
 
-    Parameters
-    ----------
-    q : ndarray, shape (n_times, n)
-        Modal coordinates.
-    strengths : sequence of ndarray, shape (5,)
-        Xt, Xc, Yt, Yc, S of each ply, NaN if unknown [Pa].
+    Each ply has the strengths Xt, Xc, Yt, Yc, S, NaN if unknown [Pa].
     """
     strength = np.array(strengths)[:, None, :, None]
     batches = max(1, len(elements) * len(q) * len(material.laminate.plies) // PLIES_AT_ONCE)

@@ -42,11 +42,8 @@ def reaction_variables(motion: Motion, joints: Sequence[str], in_body: bool) -> 
 def marker_variables(motion: Motion, quantity: str, markers: Sequence[str], in_body: bool) -> Iterator[Variable]:
     """Return one quantity of some markers, ``"body.marker"`` each, in space or in the bodies' axes.
 
-    Parameters
-    ----------
-    quantity : str
-        ``marker_position``, ``marker_displacement``, ``marker_velocity`` or ``marker_acceleration``. A displacement is
-        counted from the start in space, or is that by deformation in the body.
+    It is ``marker_position``, ``marker_displacement``, ``marker_velocity`` or ``marker_acceleration``. A displacement
+    is counted from the start in space, or is that by deformation in the body.
     """
     whole, kind = motion.kinematics, quantity.removeprefix("marker_")
     for name in markers:

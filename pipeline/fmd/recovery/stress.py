@@ -68,10 +68,7 @@ def average_at_nodes(
 ) -> Array:
     """Average a quantity at nodes over the elements around them, by its function of shapes, points and elements.
 
-    Parameters
-    ----------
-    among : ndarray or slice
-        Numbers of the elements that count; nodes of none have 0.
+    Elements ``among`` these count; nodes of none have 0.
     """
     shapes = shapes[: len(space.x)]
     require_shape("shapes", shapes, (len(space.x), 3, None))
@@ -100,12 +97,8 @@ def element_stress(
     """Stress of each shape in the middle of chosen elements, shape (n_chosen, 6, n) [Pa per unit of the shape].
 
     Of solids it is carried there from the elements' most accurate points: where the moment changes along a bar, the
-    middle of a long quadratic element itself has a shear stress by its bending, which these don't have.
-
-    Parameters
-    ----------
-    upper : sequence of bool
-        Of shells, whose middle has no stress by bending: True for the upper face of an element, False for the lower.
+    middle of a long quadratic element itself has a shear stress by its bending, which these don't have. The middle of a
+    shell has no stress by bending: it is that on the upper or the lower face of each element.
     """
     found = np.zeros((len(elements), 6, shapes.shape[2]))
     for own in space.members:
@@ -216,10 +209,7 @@ def choose_frames(n_times: int, count: int) -> IntArray:
 def stress_measure(component: str) -> Callable[[Array], Array]:
     """Return the function that takes stress tensors (n, 6, …) to one measure (n, …).
 
-    Parameters
-    ----------
-    component : str
-        ``von Mises``, a component, e.g. ``xx``, or ``principal 1`` to ``principal 3``, the first being the largest.
+    That is ``von Mises``, a component, e.g. ``xx``, or ``principal 1`` to ``principal 3``, the first being the largest.
     """
     if component == "von Mises":
         return von_mises

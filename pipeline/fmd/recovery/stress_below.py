@@ -12,16 +12,8 @@ from fmd.recovery.stress import von_mises
 def largest_stress_below(places: Array, cell: tuple[float, float], forces: Array, nu: float) -> tuple[float, float]:
     """Return the largest von Mises stress below a grid's pressed rectangles [Pa], and its depth [m].
 
-    It is looked for below those that are pressed most. Each one's force acts in the middles of its quarters.
-
-    Parameters
-    ----------
-    places : ndarray, shape (n, 2)
-        Middles of the rectangles [m].
-    cell : tuple of float
-        Their sides [m].
-    forces : ndarray, shape (n, 3)
-        Along the inward normal and the axes of the places [N].
+    It is looked for below those that are pressed most. Each one's force acts in the middles of its quarters. Rectangles
+    have middles (n, 2) and sides [m]; forces (n, 3) are along the inward normal and the axes of the places [N].
     """
     pressed = forces[:, 0] > 0.0
     if not pressed.any():
@@ -42,16 +34,8 @@ def point_force_stress(places: Array, sources: Array, forces: Array, z: float, n
     """Return the stress at a depth z in a half-space under forces on points of its surface, shape (n, 6) [Pa].
 
     Boussinesq's and Cerruti's solutions (Johnson, Contact Mechanics, eqs. 3.19 and 3.75). Components are xx, yy, zz,
-    yz, xz, xy with z along the inward normal; compression is negative.
-
-    Parameters
-    ----------
-    places : ndarray, shape (n, 2)
-        Where [m].
-    sources : ndarray, shape (n_sources, 2)
-        Points of the surface, below none of which a place is [m].
-    forces : ndarray, shape (n_sources, 3)
-        Along the inward normal, x and y [N].
+    yz, xz, xy with z along the inward normal; compression is negative. No place (n, 2) is below a point (n_sources, 2)
+    [m]; forces (n_sources, 3) are along the inward normal, x and y [N].
     """
     x, y = np.moveaxis(places[:, None] - sources[None], 2, 0)
     across, slack = x**2 + y**2, 1.0 - 2.0 * nu

@@ -45,17 +45,8 @@ def craig_bampton_modes(fe: FEModel, solver: FreeBodySolver, markers: Sequence[M
 
     The space holds every rigid motion that the supports leave, and every deformation by loads at the interface,
     exactly. Its rigid motions are counted and left out; the rest is orthonormalised, ``Φᵀ M Φ = 1``, ``Φᵀ K Φ = ω²``.
-
-    Parameters
-    ----------
-    count : int
-        Number of fixed-interface modes; what completes the group of equal frequency of the highest comes on top.
-
-    Returns
-    -------
-    Modes
-        The fixed-interface modes and six for each marker, less the rigid motions. Frequencies are upper bounds
-        (Rayleigh); the residual is that of the fixed-interface modes.
+    There are ``count`` fixed-interface modes, with the rest of the highest one's group of equal frequency, and six for
+    each marker. Frequencies are upper bounds (Rayleigh); the residual is that of the fixed-interface modes.
 
     Raises
     ------
@@ -78,14 +69,8 @@ def craig_bampton_modes_of_family(
 ) -> Modes:
     """Modes of one family in the space of fixed-interface modes and constraint modes, by their symmetry.
 
-    Parameters
-    ----------
-    fe, solver, markers, count
-        As in `craig_bampton_modes`; the fixed-interface modes are of the family.
-    family : str
-        As in `modes_of_family`.
-    normal : ndarray, shape (3,)
-        Normal of the plane of motion, a plane of symmetry of the body and its interface.
+    The fixed-interface modes are of the family, too, as in `modes_of_family`; the normal (3,) of the plane of motion is
+    that of a plane of symmetry of the body and its interface.
 
     Raises
     ------
@@ -116,20 +101,11 @@ def _modes_between(fe: FEModel, solver: FreeBodySolver, fixed: Array, Psi: Array
 
 
 def constraint_modes(fe: FEModel, solver: FreeBodySolver, B: Array) -> Array:
-    """Static deflections Ψ by a unit of each interface coordinate while the others are fixed, ``Bᵀ Ψ = 1``.
+    """Static deflections Ψ (3 n_nodes, k) by a unit of each interface coordinate, the others fixed, ``Bᵀ Ψ = 1``.
 
     ``K Ψ = B F``, with forces that are in equilibrium in all rigid motions R: ``Rᵀ B F = 0``. So Ψ consists of the
-    responses G to unit forces (inertia relief takes nothing off forces in equilibrium) and of rigid motions.
-
-    Parameters
-    ----------
-    B : ndarray, shape (n_nodes, 3, k)
-        Columns as `interface_columns` gives them.
-
-    Returns
-    -------
-    ndarray, shape (3 n_nodes, k)
-        Constraint modes.
+    responses G to unit forces (inertia relief takes nothing off forces in equilibrium) and of rigid motions. The
+    columns B (n_nodes, 3, k) are as `interface_columns` gives them.
 
     Raises
     ------
@@ -235,13 +211,8 @@ def make_superelement(
 ) -> Superelement:
     """Reduce a body to its interface by Hurty, Craig & Bampton's method.
 
-    Parameters
-    ----------
-    count : int
-        Number of fixed-interface modes; what completes the group of equal frequency of the highest comes on top.
-    damping : callable
-        Damping ratios of the superelement's elastic modes by their angular frequencies [rad/s], ascending; its rigid
-        motions have none.
+    To ``count`` fixed-interface modes comes what completes the highest one's group of equal frequency. Damping gives
+    the ratios of elastic modes by their frequencies [rad/s], ascending; rigid motions have none.
 
     Raises
     ------

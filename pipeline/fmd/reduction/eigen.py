@@ -136,11 +136,7 @@ class FreeBodySolver:
         """Return how many elastic modes `modes` can compute: all of a small mesh, not quite half of a large one's.
 
         More than that takes a dense solver, whose time grows with the third power of the number of unknowns.
-
-        Parameters
-        ----------
-        constraints : ndarray, shape (n_nodes, 3, k), optional
-            Columns of its constraints.
+        Constraints have columns (n_nodes, 3, k).
         """
         n, B = self._K.shape[0], self._constraint_columns(constraints)
         n_elastic: int = n - B.shape[1] - self._rigid_modes_left(B).shape[1]
@@ -319,14 +315,8 @@ def _unknowns_of(u: Array, T: sp.csr_array | None) -> Array:
 def count_pieces(K: sp.csr_array, T: sp.csr_array | None = None) -> int:
     """Count the pieces of a body that its stiffness matrix leaves unconnected.
 
-    Masses say nothing of it: lumped ones connect no node with another.
-
-    Parameters
-    ----------
-    K : sparse array, shape (3 n_nodes, 3 n_nodes)
-        Stiffness matrix, three unknowns a node; its pattern is symmetric.
-    T : sparse array, shape (3 n_nodes, n), optional
-        How the nodes move by independent unknowns, which connect them, too.
+    Masses say nothing of it: lumped ones connect no node with another. K has three unknowns a node and a symmetric
+    pattern; independent unknowns, by which the nodes move by T (3 n_nodes, n), connect them, too.
     """
     if T is not None:
         entries, n_points = sp.coo_array(T), K.shape[0]

@@ -144,12 +144,7 @@ def modes_of(model: EquivalentModel) -> Modes:
 def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str, Sequence[str]]) -> FlexibleBody:
     """Give a body that was reduced from an equivalent model what its file holds beside inertia: damping, stiffening.
 
-    Its nodes become those of the file.
-
-    Parameters
-    ----------
-    markers : mapping of str to sequence of str
-        Labels of the file's nodes that each marker is made of.
+    Its nodes become those of the file, of which each marker is made of some labels.
 
     Raises
     ------

@@ -29,19 +29,9 @@ THIN = "since elements are so thin: shorter elements, or a thicker part, have le
 
 
 def rounded_defect(K: Any, u: Array) -> Array:
-    """Return a defect as round-off may leave it of ``K u``, of random signs.
+    """Return a defect as round-off may leave it of ``K u``, of random signs: forces of the shape of u [N].
 
-    Parameters
-    ----------
-    K : sparse array, shape (n, n)
-        Stiffness matrix.
-    u : ndarray, shape (n,) or (n, k)
-        Displacements [m].
-
-    Returns
-    -------
-    ndarray, shape of ``u``
-        Forces [N]: each is the machine epsilon times what the terms of its row add up to without their signs.
+    Each is the machine epsilon times what the terms of its row add up to without their signs.
     """
     signs = np.random.default_rng(0).choice([-1.0, 1.0], u.shape)
     return np.asarray(np.finfo(float).eps * signs * (abs(K) @ np.abs(u)))

@@ -67,21 +67,10 @@ def motion_loads(
 
 
 def acceleration_loads(fe: FEModel, centre: Array, axis: Array | None) -> Array:
-    """Inertia loads of unit accelerations of a support, linear ones and angular ones about its centre.
+    """Inertia loads (n_nodes, 3, n_loads) of unit accelerations of a support, linear ones and angular ones.
 
-    A free body balances them by itself, a supported one bends.
-
-    Parameters
-    ----------
-    centre : ndarray, shape (3,)
-        Point about which the support is turned [m].
-    axis : ndarray, shape (3,), optional
-        Normal of the plane to which all motion keeps: two linear accelerations and one angular. Without, three of each.
-
-    Returns
-    -------
-    ndarray, shape (n_nodes, 3, n_loads)
-        Nodal loads [N for unit accelerations].
+    Angular ones are about its centre [m]. A free body balances them by itself, a supported one bends. If all motion
+    keeps to a plane, by its normal (3,), there are two linear accelerations and one angular, without it three of each.
     """
     r = fe.x - centre
     moves, turns = _directions(axis)
@@ -89,19 +78,10 @@ def acceleration_loads(fe: FEModel, centre: Array, axis: Array | None) -> Array:
 
 
 def centrifugal_fields(r: Array, axis: Array | None) -> list[Array]:
-    """Acceleration fields of unit products of two angular rates, at places r from the centre.
+    """Acceleration fields of unit products of two angular rates, at places r (n_nodes, 3) from the centre.
 
-    Parameters
-    ----------
-    r : ndarray, shape (n_nodes, 3)
-        Places relative to a point that rests [m].
-    axis : ndarray, shape (3,), optional
-        Axis of a plane motion, which has the one field across it. Without, all six of `PRODUCTS`.
-
-    Returns
-    -------
-    list of ndarray, shape (n_nodes, 3)
-        Fields whose inertia pulls outwards [m].
+    A plane motion about an axis (3,) has the one field across it; without, there are all six of `PRODUCTS`. Their
+    inertia pulls outwards.
     """
     if axis is not None:
         return [r - np.outer(r @ axis, axis) / (axis @ axis)]

@@ -79,19 +79,10 @@ def function_products(data: ModalData) -> Array:
 
 
 def integrals_of(products: Array, turns: Array) -> Array:
-    """Integrals ``G[a, b]`` from what equations of motion take of them, as files hold it.
+    """Integrals ``G[a, b]`` (3, 3, …) from what equations of motion take of them, as files hold it.
 
-    Parameters
-    ----------
-    products : ndarray, shape (6, …)
-        ``Σ_ab W_ab G[a, b]`` for each product of two rates, xx, yy, zz, xy, yz, xz, with ``W = ω ωᵀ − ω²``.
-    turns : ndarray, shape (3, …)
-        ``ε_abc G[b, c]``.
-
-    Returns
-    -------
-    ndarray, shape (3, 3, …)
-        The integrals.
+    Products (6, …) are ``Σ_ab W_ab G[a, b]`` of two rates, xx, yy, zz, xy, yz, xz, with ``W = ω ωᵀ − ω²``, and turns
+    (3, …) ``ε_abc G[b, c]``.
     """
     G = np.zeros((3, 3, *products.shape[1:]))
     trace = -0.5 * products[:3].sum(axis=0)

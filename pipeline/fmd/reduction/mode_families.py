@@ -30,12 +30,8 @@ _MAIN_DIRECTION = {"axial": 0, "in-plane bending": 1, "out-of-plane bending": 2}
 def lowest_modes(solver: FreeBodySolver, count: int, constraints: Array | None = None) -> Modes:
     """Return the lowest elastic modes of any family, the last group of equal frequency complete.
 
-    Parameters
-    ----------
-    count : int
-        Number of modes; what completes the group of the highest comes on top.
-    constraints : ndarray, shape (n_nodes, 3, k), optional
-        Columns of its constraints; without, it is free.
+    What completes that group comes on top of ``count``; without columns (n_nodes, 3, k) of constraints the body is
+    free.
 
     Raises
     ------
@@ -73,14 +69,8 @@ def modes_of_family(
 ) -> Modes:
     """Return the ``count`` lowest modes of one family.
 
-    Parameters
-    ----------
-    family : str
-        ``in-plane bending``, ``out-of-plane bending``, ``torsion`` or ``axial``.
-    normal : ndarray, shape (3,)
-        Normal of the plane of motion.
-    constraints : ndarray, shape (n_nodes, 3, k), optional
-        Columns of its constraints, as symmetric as it is.
+    That is ``in-plane bending``, ``out-of-plane bending``, ``torsion`` or ``axial``, by the plane of motion's normal
+    (3,). Columns (n_nodes, 3, k) of constraints are as symmetric as the body is.
 
     Raises
     ------
@@ -114,23 +104,12 @@ def modes_of_family(
 
 
 def classify_modes(fe: FEModel, pairs: EigenPairs, normal: Array) -> tuple[list[str], Array]:
-    """Name the family of each mode of a body with two planes of symmetry.
+    """Name the family of each mode of a body with two planes of symmetry, and return shapes that have one.
 
-    A mode's parity about a plane is ``φᵀ M S φ`` with S the reflection: +1 or -1 for a symmetric body. Bending
-    must also carry most of its kinetic energy across the bar, the axial family along it; anything else is
-    ``"other"``. Modes of equal frequency are first turned within their subspace until each has a parity.
-
-    Parameters
-    ----------
-    normal : ndarray, shape (3,)
-        Normal of the plane of motion, a plane of symmetry.
-
-    Returns
-    -------
-    families : list of str
-        Family of each mode.
-    shapes : ndarray, shape (n_nodes, 3, n)
-        Mode shapes, turned where frequencies are equal.
+    A mode's parity about a plane is ``φᵀ M S φ`` with S the reflection: +1 or -1 for a symmetric body. Bending must
+    also carry most of its kinetic energy across the bar, the axial family along it; anything else is ``"other"``. Modes
+    of equal frequency are first turned within their subspace until each has a parity. The normal (3,) is of the plane
+    of motion, a plane of symmetry.
 
     Raises
     ------

@@ -34,12 +34,7 @@ class WhirlingModes(NamedTuple):
 def order_poles(poles: Array, frequencies: Array) -> IntArray:
     """Return the numbers of the poles that move, one of each conjugate pair, in the order of `WhirlingModes`.
 
-    Parameters
-    ----------
-    poles : ndarray, shape (n,)
-        Eigenvalues of a real state matrix [1/s], complex.
-    frequencies : ndarray, shape (n,)
-        Frequency that each is listed by.
+    Poles (n,) are eigenvalues of a real state matrix [1/s], listed by frequencies (n,).
     """
     fastest = float(poles.imag.max(initial=0.0)) or float(np.abs(poles).max(initial=0.0))
     oscillating = np.flatnonzero(poles.imag > RIGID_POLE * fastest)

@@ -136,16 +136,9 @@ def second_order_mass(
 ) -> SecondOrderMass | None:
     """Return a body's modal mass by displacements of second order; ``None`` if they have no momenta.
 
-    Parameters
-    ----------
-    mass, c, J : float, ndarray, shapes (3,) and (3, 3)
-        Mass, first moment and inertia tensor of the undeformed body.
-    W : ndarray, shape (6, n)
-        Coupling of its frame, translation and rotation, with the modes.
-    displacement2, rotation2 : ndarray, shape (3, n, n) or (3, 0, 0)
-        Linear and angular momenta of displacements of second order.
-    normal : int
-        Number of the only axis that the body turns about, across which it moves; -1 if it moves anyhow.
+    Mass, first moment c and inertia tensor J are of the undeformed body; W (6, n) couples its frame, translation and
+    rotation, with the modes. Displacements of second order have linear and angular momenta (3, n, n), or (3, 0, 0). The
+    normal is the number of the only axis that the body turns about, across which it moves; -1 if it moves anyhow.
     """
     n = W.shape[1]
     F = np.concatenate([forms if forms.size else np.zeros((3, n, n)) for forms in (displacement2, rotation2)])

@@ -31,16 +31,8 @@ def superelement_data(
 ) -> ModalData:
     """Return the data of a superelement's body: its free modes as shapes, all that its coordinates have.
 
-    Parameters
-    ----------
-    path : Path
-        Its file, for messages.
-    given : GivenSuperelement
-        In SI units.
-    mass : float, optional
-        Mass of the whole body, which the matrix is to have [kg].
-    recovery : Recovery, optional
-        Points within the body.
+    All is in SI units. Messages name its file; a mass is what its matrix is to have [kg], a recovery has points within
+    the body.
 
     Raises
     ------

@@ -21,20 +21,10 @@ if TYPE_CHECKING:
 
 
 def remaining_rigid_motions(fe: FEModel, fixed: IntArray) -> Array:
-    """Rigid motions of a supported body, to first order, in which none of the fixed unknowns moves.
+    """Rigid motions (3 n_nodes, k) of a supported body, to first order, in which none of the fixed unknowns moves.
 
-    There are six less the rank of the rigid motions' rows at the fixed unknowns: by statics alone the number of modes
-    that must come out with zero frequency.
-
-    Parameters
-    ----------
-    fixed : ndarray of int
-        Fixed unknowns; ``3 i + a`` is node i along axis a.
-
-    Returns
-    -------
-    ndarray, shape (3 n_nodes, k)
-        Zero at the fixed unknowns.
+    There are six less the rank of the rigid motions' rows at the fixed unknowns, where ``3 i + a`` is node i along axis
+    a: by statics alone the number of modes that must come out with zero frequency.
     """
     x = fe.x - fe.x.mean(axis=0)
     R = rigid_motions(x).reshape(-1, 6)
@@ -47,15 +37,8 @@ def remaining_rigid_motions(fe: FEModel, fixed: IntArray) -> Array:
 def tie_rigid_faces(fe: FEModel, markers: Sequence[Marker]) -> sp.csr_array:
     """Make the transformation ``u = T u_r`` that lets each marker's face move as one rigid piece.
 
-    Parameters
-    ----------
-    markers : sequence of Marker
-        Their faces have no node in common.
-
-    Returns
-    -------
-    sparse array, shape (3 n_nodes, n)
-        Columns: the unknowns of all other nodes, those of links, then displacement and rotation of each marker.
+    Faces have no node in common. Columns of T are the unknowns of all other nodes, those of links, then displacement
+    and rotation of each marker.
 
     Raises
     ------
@@ -95,16 +78,9 @@ def _moved_rigidly(fe: FEModel, T: sp.csr_array, marker: Marker) -> tuple[IntArr
 
 
 def remove_fixed_unknowns(T: Any, fixed: IntArray, n_linked: int) -> sp.csr_array:
-    """Take the fixed unknowns out of a transformation ``u = T u_r``, whose last columns move rigid faces and links.
+    """Take fixed unknowns out of a transformation ``u = T u_r``: `tie_rigid_faces`, `fmd.fem.links`, or the identity.
 
-    Parameters
-    ----------
-    T : sparse array, shape (3 n_nodes, n)
-        Transformation as `tie_rigid_faces` or `fmd.fem.links` makes it, or the identity.
-    fixed : ndarray of int
-        Fixed unknowns; ``3 i + a`` is node i along axis a.
-    n_linked : int
-        Number of the last columns that move rigid faces and links.
+    Unknown ``3 i + a`` is node i along axis a; the last ``n_linked`` columns of T move rigid faces and links.
 
     Raises
     ------

@@ -239,16 +239,8 @@ def add_label(canvas: Canvas, point: Array, text: str, place: Place) -> None:
 def find_free_place(picture: NDArray[np.uint8], spot: Array, half: Array, place: Place) -> Array:
     """Find the white box of a picture nearest to a spot, and return the column and row of its middle.
 
-    Parameters
-    ----------
-    picture : ndarray, shape (height, width, 3)
-        The picture so far.
-    spot : ndarray, shape (2,)
-        Column and row [pixels].
-    half : ndarray, shape (2,)
-        Half the width and half the height of the box [pixels].
-    place : tuple of float
-        Bounds of the box; if nothing there is free, it is above ``spot`` as far as they allow.
+    All is in pixels: the picture (height, width, 3) so far, the spot by column and row, half the width and the height
+    of the box. If nothing is free within the bounds ``place``, it is above the spot as far as they allow.
     """
     height, width = picture.shape[:2]
     sums = np.zeros((height + 1, width + 1), dtype=np.int64)

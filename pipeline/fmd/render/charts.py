@@ -26,16 +26,9 @@ from fmd.render.chart_data import Band, Curve
 
 @contextmanager
 def open_figure(path: Path, size: tuple[float, float], dots_per_inch: int, padding: float = 0.04) -> Iterator[Figure]:
-    """Open an empty figure and, unless an error occurs, save it in the format of the path's suffix.
+    """Open an empty figure [inches] and, unless an error occurs, save it in the format of the path's suffix.
 
-    Parameters
-    ----------
-    size : tuple of float
-        Width and height [inches].
-    dots_per_inch : int
-        Resolution of a PNG.
-    padding : float
-        Space around the contents [inches].
+    A PNG has so many dots per inch; contents have a padding around them [inches].
     """
     figure = Figure(figsize=size, dpi=dots_per_inch, layout=ConstrainedLayoutEngine(w_pad=padding, h_pad=padding))
     FigureCanvasAgg(figure)

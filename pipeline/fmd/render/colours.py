@@ -80,15 +80,10 @@ FILM_RANGES: Mapping[str, tuple[Callable[[Array], tuple[float, float]], bool]] =
 
 
 def film_limits(stress: Array, span: str) -> Array:
-    """Return the limits of a film's colour scale in each frame, shape (n_frames, 2) [Pa].
+    """Return the limits of a film's colour scale in each frame of stress (n_frames, n_points), (n_frames, 2) [Pa].
 
-    Parameters
-    ----------
-    stress : ndarray, shape (n_frames, n_points)
-        [Pa].
-    span : str
-        ``largest``, to the largest stress of all frames; ``usual``, to their 99th percentile; ``frame``, to the
-        largest of each frame.
+    The span is ``largest``, to the largest stress of all frames; ``usual``, to their 99th percentile; ``frame``, to the
+    largest of each frame.
     """
     limits, in_each = FILM_RANGES[span]
     if in_each:

@@ -121,16 +121,10 @@ def draw_mechanism(
     camera: Camera | None = None,
     label: bool = False,
 ) -> Projection:
-    """Draw a mechanism as it is in its only frame.
+    """Draw a mechanism as it is in its only frame, with a label of the largest stress or without.
 
-    Parameters
-    ----------
-    clim_pa : tuple of float, optional
-        Stress of the lowest and of the highest colour [Pa]; by default from 0 to the largest.
-    quantity : str
-        Label of the colour bar, which is in MPa.
-    label : bool
-        Label the largest stress.
+    Stress of the lowest and of the highest colour is in Pa, by default from 0 to the largest; the colour bar, which is
+    in MPa, has the quantity's name.
 
     Raises
     ------

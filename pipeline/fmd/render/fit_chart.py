@@ -15,12 +15,8 @@ from fmd.render.charts import COLOURS, GREY, open_figure, style_axes
 def draw_tornado(bars: Mapping[str, Sequence[tuple[str, float, float]]], path: Path, *, title: str, label: str) -> None:
     """Draw what numbers do to results, each in a frame of its own.
 
-    Parameters
-    ----------
-    bars : mapping of str to sequence of tuple
-        Key, length of the bar and its error for each number that a result depends on, by the results' names.
-    label : str
-        What the bars' length is.
+    By the results' names there are key, length of the bar and its error for each number that a result depends on; the
+    label says what that length is.
     """
     heights = [1.0 + 0.34 * len(rows) for rows in bars.values()]
     with open_figure(path, (9.0, sum(heights) + 0.5), 130, padding=0.08) as figure:
@@ -59,14 +55,9 @@ class FittedHistory:
 
 
 def draw_fit(axis: tuple[str, Array], histories: Sequence[FittedHistory], path: Path, *, title: str) -> None:
-    """Draw each channel of a fit, and beside it what the fit leaves over the noise.
+    """Draw each channel of a fit, one at least, and beside it what the fit leaves over the noise.
 
-    Parameters
-    ----------
-    axis : tuple of str and ndarray, shape (n,)
-        Over what is measured: its name with its unit, and its values.
-    histories : sequence of FittedHistory
-        At least one.
+    The axis has the name, with its unit, and the values of what is measured over.
     """
     label, places = axis
     dot = 7 if len(places) <= _FEW else 3

@@ -12,17 +12,10 @@ from fmd.render.charts import COLOURS, open_figure, style_axes
 
 
 def draw_gear_mesh(angle: Array, columns: Sequence[Array], pairs: range, path: Path, *, title: str) -> None:
-    """Draw what the table of two gears in mesh has, over the pinion's angle.
+    """Draw what the table of two gears in mesh has, over the pinion's angle (n,) [degrees].
 
-    Parameters
-    ----------
-    angle : ndarray, shape (n,)
-        [degrees]
-    columns : sequence of ndarray
-        Transmission error [µm], stiffness [N/µm], and of each pair the share of the load, the stress at the pinion's
-        and at the wheel's root and the pressure [MPa].
-    pairs : range
-        Numbers of the pairs, the last to come into contact first.
+    Columns are transmission error [µm], stiffness [N/µm], and of each pair the share of the load, the stress at the
+    pinion's and at the wheel's root and the pressure [MPa]; the last pair to come into contact is first.
     """
     error, stiffness, *rest = columns
     share, pinion, wheel, pressure = (rest[k * len(pairs) : (k + 1) * len(pairs)] for k in range(4))

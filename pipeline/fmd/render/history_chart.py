@@ -18,13 +18,7 @@ _FRAME_INCHES = (6.4, 3.0)
 
 
 def draw_histories(time: Array, frames: Sequence[HistoryFrame], path: Path, *, title: str) -> None:
-    """Draw quantities over time, two frames in a row; of very many the first.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n_times,)
-        Times [s].
-    """
+    """Draw quantities over time (n_times,) [s], two frames in a row; of very many the first."""
     shown, left_out = frames[:CHARTED_QUANTITIES], max(len(frames) - CHARTED_QUANTITIES, 0)
     time, label = time_axis(time)
     columns = min(len(shown), 2)

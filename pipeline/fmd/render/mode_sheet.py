@@ -33,21 +33,10 @@ def draw_mode_sheet(
     scale: float = 1.0,
     camera: Camera | None = None,
 ) -> Projection:
-    """Draw mode shapes side by side in one scale, each over the undeformed part.
+    """Draw mode shapes side by side in one scale, each over the undeformed part; return the middle cell's projection.
 
-    Parameters
-    ----------
-    shapes : ndarray, shape (n_points, 3, n_modes)
-        The shapes in any scale; each gets an amplitude of 8 % of the part's largest extent.
-    labels : sequence of str
-        Text below each shape, e.g. ``mode 1, 131.0 Hz``.
-    scale : float
-        Factor on the amplitude.
-
-    Returns
-    -------
-    Projection
-        Of a cell in the middle of the picture.
+    Shapes (n_points, 3, n_modes) are in any scale; each gets an amplitude of 8 % of the part's largest extent times
+    ``scale``. Labels, e.g. ``mode 1, 131.0 Hz``, stand below.
 
     Raises
     ------

@@ -43,12 +43,7 @@ def draw_mesh(
 ) -> Projection:
     """Draw a mesh with each of its parts in its own colour.
 
-    Parameters
-    ----------
-    part_of_triangle : ndarray, shape (n_triangles,)
-        Part of each triangle: a position in ``names``.
-    names : sequence of str
-        Names of the parts in the legend, e.g. ``sleeve (1,980 elements)``.
+    Each triangle has its part's position among the names of the legend, e.g. ``sleeve (1,980 elements)``.
 
     Raises
     ------
@@ -88,14 +83,7 @@ def draw_mode(
 ) -> Projection:
     """Draw a mode shape over the undeformed part, its amplitude 8 % of the part's largest extent times ``scale``.
 
-    Parameters
-    ----------
-    displacement : ndarray, shape (n_points, 3)
-        The shape in any scale.
-    title : str
-        Heading, e.g. ``Mode 1 · 131.0 Hz``.
-    scale : float
-        Factor on the amplitude.
+    The displacement (n_points, 3) is in any scale; a title is e.g. ``Mode 1 · 131.0 Hz``.
 
     Raises
     ------

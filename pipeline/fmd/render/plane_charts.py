@@ -15,14 +15,9 @@ _SOLID = 9  # methods of other programs follow ours, with dashed lines
 
 
 def draw_work_precision(curves: Mapping[str, Array], path: Path, *, title: str, error_label: str) -> None:
-    """Draw a curve of run time and error for each method on logarithmic axes.
+    """Draw a curve of run time [s] and error (n, 2) for each method on logarithmic axes.
 
-    Parameters
-    ----------
-    curves : mapping of str to ndarray, shape (n, 2)
-        Seconds and errors of each method.
-    error_label : str
-        The error with its unit in brackets.
+    The error's label has its unit in brackets.
     """
     with open_figure(path, (10, 6), 120) as figure:
         axes = figure.add_subplot()
@@ -34,16 +29,9 @@ def draw_work_precision(curves: Mapping[str, Array], path: Path, *, title: str, 
 
 
 def draw_front(x: Sequence[float], y: Sequence[float], path: Path, *, title: str, labels: tuple[str, str]) -> None:
-    """Draw the designs of a front as numbered points on a line.
+    """Draw the designs of a front as numbered points on a line, by both aims of each, in the order of the front.
 
-    Parameters
-    ----------
-    x, y : sequence of float
-        Both aims of each design, in the order of the front.
-    path : Path
-        PNG of 1120 × 800 pixels, PDF or SVG.
-    labels : tuple of str
-        Names of the aims with their units in brackets.
+    A PNG has 1120 × 800 pixels; labels are the aims' names with their units in brackets.
     """
     with open_figure(path, (7, 5), 160) as figure:
         frame = figure.add_subplot()
@@ -55,16 +43,9 @@ def draw_front(x: Sequence[float], y: Sequence[float], path: Path, *, title: str
 
 
 def draw_orbits(paths: Mapping[str, Array], path: Path, *, title: str, axes: str) -> None:
-    """Draw paths in a plane, a dot where each begins.
+    """Draw paths (n_times, 2) [m] in a plane, by their labels, a dot where each begins.
 
-    Parameters
-    ----------
-    paths : mapping of str to ndarray, shape (n_times, 2)
-        Places by the label of each path [m].
-    path : Path
-        PNG of 1120 × 1120 pixels, PDF or SVG.
-    axes : str
-        Names of the two axes, e.g. ``"yz"``.
+    A PNG has 1120 × 1120 pixels; axes have names such as ``"yz"``.
     """
     largest = max(float(np.abs(points).max()) for points in paths.values())
     (factor, xlabel), (_, ylabel) = (fit_length(f"{name} [m]", largest) for name in axes)

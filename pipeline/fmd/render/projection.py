@@ -59,22 +59,11 @@ def fit_projection(axes: Array, points: Array, size: tuple[int, int], place: Pla
 def frame_projection(
     axes: Array, target: Array, scale: float, size: tuple[int, int], place: Place, points: Array
 ) -> Projection:
-    """Project along the last of ``axes`` with a target in the middle of a place, at a given scale.
+    """Project along the last of ``axes`` with a target [m] in the middle of a place, at a given scale.
 
-    Parameters
-    ----------
-    axes : ndarray, shape (3, 3)
-        To the right, up, towards the viewer.
-    target : ndarray, shape (3,)
-        [m].
-    scale : float
-        Length of a pixel's side [m].
-    size : tuple of int
-        Width and height [pixels].
-    place : tuple of float
-        Fractions of the picture: left, right, bottom, top.
-    points : ndarray, shape (n, 3)
-        Points that may not be cut off for being too near or too far [m].
+    Axes (3, 3) are to the right, up, towards the viewer; a pixel's side has the length ``scale`` [m]. The size is width
+    and height [pixels]; the place has the picture's fractions left, right, bottom, top. Points (n, 3) [m] may not be
+    cut off for being too near or too far.
     """
     left, right, bottom, top = place
     aside = np.array([(left + right - 1) * size[0], (bottom + top - 1) * size[1], 0.0]) / 2 * scale
@@ -127,16 +116,9 @@ def upright_axes(points: Array, up: Array, tilt: tuple[float, float] = TILT) -> 
 
 
 def is_visible(axes: Array, points: Array, triangles: IntArray, number: int) -> bool:
-    """Return whether no triangle lies between point ``number`` and the viewer.
+    """Return whether no triangle of points (n_points, 3) lies between point ``number`` and the viewer.
 
-    Parameters
-    ----------
-    axes : ndarray, shape (3, 3)
-        To the right, up, towards the viewer.
-    points : ndarray, shape (n_points, 3)
-        [m].
-    triangles : ndarray, shape (n_triangles, 3)
-        Positions in ``points``.
+    Axes (3, 3) are to the right, up, towards the viewer; triangles (n_triangles, 3) are positions among the points.
     """
     seen = points @ axes.T - axes @ points[number]
     a, b, c = np.moveaxis(seen[triangles[np.all(triangles != number, axis=1)]], 1, 0)
@@ -153,13 +135,7 @@ def is_visible(axes: Array, points: Array, triangles: IntArray, number: int) -> 
 def choose_axes(candidates: list[Array], points: Array, triangles: IntArray, values: Array) -> tuple[Array, int, bool]:
     """Choose the first camera axes that show a point of the largest value, to a thousandth.
 
-    Returns
-    -------
-    axes : ndarray, shape (3, 3)
-    number : int
-        The point.
-    visible : bool
-        False if none of the candidates shows the point; the first one is returned then.
+    Returns the axes, the point's number, and whether it is seen; if no candidate shows it, the first one is returned.
     """
     largest = np.flatnonzero(values >= (1 - 1e-3) * values.max())[:MOST_CANDIDATES]
     for axes, number in product(candidates, largest.tolist()):

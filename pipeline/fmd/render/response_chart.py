@@ -29,12 +29,7 @@ def draw_response(
 ) -> None:
     """Draw magnitudes, a frame for each unit, and below them the phases; a unit without phase has a frame, too.
 
-    Parameters
-    ----------
-    frequencies_hz : ndarray, shape (n_frequencies,)
-        [Hz], ascending.
-    along : str
-        Label of the axis of frequencies, if these are something else.
+    Frequencies [Hz] ascend; ``along`` labels their axis if they are something else.
     """
     units = list(dict.fromkeys(curve.unit for curve in curves))
     rows = len(units) + 1

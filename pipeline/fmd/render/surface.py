@@ -116,14 +116,8 @@ def build_skin(surface: Surface) -> Skin:
 def _pair_half_sides(surface: Surface) -> tuple[IntArray, IntArray, IntArray, IntArray]:
     """Pair the half-sides of neighbouring triangles; half-side 3 t + k starts at the k-th corner of triangle t.
 
-    Returns
-    -------
-    key : ndarray, shape (3 n_triangles,)
-        Number of each half-side's pair of points, alike for both directions.
-    one, other : ndarray, shape (n_sides,)
-        Half-sides of each side; at a border one half-side twice.
-    count : ndarray, shape (n_sides,)
-        How many triangles meet there.
+    Returns the number of each half-side's pair of points, (3 n_triangles,), alike for both directions; both half-sides
+    of each side, (n_sides,), at a border one twice; and how many triangles meet there.
     """
     ends = np.stack([surface.triangles.ravel(), np.roll(surface.triangles, -1, axis=1).ravel()], axis=1)
     ends.sort(axis=1)

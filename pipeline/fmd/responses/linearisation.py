@@ -256,10 +256,7 @@ class _Assembly:
     ) -> tuple[tuple[Channel, ...], Array, Array, Array]:
         """Leave out the integrals of controllers' states, which are their links' positions; name the states.
 
-        Parameters
-        ----------
-        rates : ndarray of int, shape (k,)
-            Rates of the states: positions (k,), then rates (k,).
+        They are those of ``rates`` (k,): positions (k,), then rates (k,).
         """
         own = {rate: Channel(name, "SI") for name, rate, _ in self.mechanism.states}
         if not own:

@@ -29,14 +29,8 @@ class RandomResponse:
 def random_response(frequencies_hz: Array, response: Array, input_density: Callable[[Array], Array]) -> RandomResponse:
     """Return the densities ``|H|² S`` of outputs by one input, and their root mean squares.
 
-    Parameters
-    ----------
-    frequencies_hz : ndarray, shape (n_frequencies,)
-        Ascending, closer about the resonances [Hz].
-    response : ndarray, shape (n_frequencies, n_outputs)
-        Complex frequency response of the outputs to the input.
-    input_density : callable
-        One-sided power spectral density of the input at frequencies [unit²/Hz].
+    Frequencies [Hz] ascend, closer about the resonances; the response (n_frequencies, n_outputs) is complex, and the
+    input's one-sided power spectral density a function of frequencies [unit²/Hz].
 
     References
     ----------

@@ -204,14 +204,7 @@ def _as_cells(values: Any) -> Any:
 def choose_frequencies(model: StateSpace, lowest: float, highest: float, points: int, ratio: float = 1.3) -> Array:
     """Return frequencies [Hz], ascending, with no resonance between two of them.
 
-    Parameters
-    ----------
-    lowest, highest : float
-        Range [Hz].
-    points : int
-        Number of evenly spaced frequencies.
-    ratio : float
-        Of the distances from a pole of two neighbours about it.
+    So many points are even over the range; neighbours about a pole have distances from it of a ratio.
     """
     even = np.linspace(lowest, highest, points)
     spacing = (highest - lowest) / max(points - 1, 1)

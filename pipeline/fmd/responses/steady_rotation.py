@@ -66,14 +66,9 @@ class SteadyRotation:
         self._last: tuple[tuple[float, bytes], Array] | None = None  # state that was asked last: it is asked again
 
     def leave_out_bending(self, q: Array, across: IntArray) -> None:
-        """Leave motions out of the search that move the axis at rest.
+        """Leave motions out of the search that move the axis at rest, at positions q.
 
-        Parameters
-        ----------
-        q : ndarray, shape (n_positions,)
-            Positions at rest.
-        across : ndarray of int
-            Outputs of the linearisation that are displacements of points on the axis, across it.
+        The linearisation's outputs ``across`` are displacements of points on the axis, across it.
         """
         rotation = self.turning(0.0, q)
         model, free = self._model(0.0, q)

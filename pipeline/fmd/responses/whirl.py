@@ -15,17 +15,10 @@ from fmd.reduction.rotating import WhirlingModes, order_poles
 
 
 def find_circulation(first: Array, second: Array) -> Array:
-    """Return the circulation of vibrations ``Re(u exp(iωt))`` of points, between -1 and 1.
+    """Return the circulation of vibrations ``Re(u exp(iωt))`` of points, between -1 and 1, (n,).
 
-    Parameters
-    ----------
-    first, second : ndarray, shape (n_points, n)
-        Complex displacements of each vibration along two axes that make a right-handed system with the axis.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        ``−2 Σ Im(ū₁ u₂) / Σ (|u₁|² + |u₂|²)``; 0 where nothing moves.
+    It is ``−2 Σ Im(ū₁ u₂) / Σ (|u₁|² + |u₂|²)`` by complex displacements (n_points, n) along two axes that make a
+    right-handed system with the axis, and 0 where nothing moves.
     """
     size = (np.abs(first) ** 2 + np.abs(second) ** 2).sum(axis=0)
     turning = -2.0 * (first.conj() * second).imag.sum(axis=0)
@@ -52,12 +45,7 @@ class SpaceView:
     def look(self, poles: Array, vectors: Array) -> tuple[Array, Array, Array]:
         """Return frequencies, below 0 for backward whirl [rad/s], how each grows with its pole's, and circulations.
 
-        Parameters
-        ----------
-        poles : ndarray, shape (n_poles,)
-            In the turning frame [1/s], complex.
-        vectors : ndarray, shape (n, n_poles)
-            Their states.
+        Poles (n_poles,) are complex in the turning frame [1/s], and have states (n, n_poles).
         """
         bent, straight = (_squares(motions, vectors) for motions in ((*self.across, *self.tilts), self.along))
         moved = bent + straight
@@ -104,14 +92,8 @@ def _reach(vectors: Array, displacements: Sequence[Array]) -> Array:
 def hub_modes(A: Array, across: tuple[Array, Array], hub: Sequence[int]) -> WhirlingModes:
     """Return the vibrations of what turns on a hub, as the hub sees them.
 
-    Parameters
-    ----------
-    A : ndarray, shape (n, n)
-        State matrix of small motions.
-    across : tuple of ndarray, shape (n_points, n) each
-        Displacements of points along two axes across that of rotation, for unit states.
-    hub : sequence of int
-        States that turn the hub itself.
+    A (n, n) is the state matrix of small motions; ``across`` has displacements (n_points, n) for unit states along two
+    axes across that of rotation; the states ``hub`` turn the hub itself.
     """
     poles, vectors = scaled_eigen(A)
     kept = order_poles(poles, poles.imag)

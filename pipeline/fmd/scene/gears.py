@@ -159,12 +159,7 @@ class GearMesh(SceneTable):
 def find_pair(
     pinion_name: str, wheel_name: str, distance: float | None, bodies: Mapping[str, Any]
 ) -> tuple[SpurGear, SpurGear, GearPair]:
-    """Return pinion and wheel by their names, and their geometry in mesh.
-
-    Parameters
-    ----------
-    distance : float, optional
-        Of the axes [m]; that without backlash by default.
+    """Return pinion and wheel by their names, and their geometry in mesh, without backlash where no distance is given.
 
     Raises
     ------

@@ -282,16 +282,9 @@ def _near_kind(error: ErrorDetails) -> str | None:
 def join_errors(
     faults: Sequence[Fault], tables: Mapping[str, Any], find_place: Callable[[KeyPath], Place]
 ) -> InputError:
-    """Make one error of all faults, in the order of the lines that they stand on.
+    """Make one error of all faults, one at least, in the order of the lines that they stand on.
 
-    Parameters
-    ----------
-    faults : sequence of Fault
-        At least one.
-    tables : mapping
-        The scene's tables as they were given, for the values in the messages.
-    find_place : callable
-        Returns the file of a path of keys and the line in it.
+    Messages have values of the tables as they were given, and the file and line of each path of keys.
     """
     placed = sorted(((*find_place(fault.path), fault) for fault in faults), key=lambda item: item[1] or 0)
     errors = [

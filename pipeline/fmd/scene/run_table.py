@@ -44,12 +44,7 @@ class RunTable(SceneTable):
     def make(self, step: float, error: float, duration: float) -> Integrator:
         """Make the integrator, whose module is loaded here: each brings kernels of its own.
 
-        Parameters
-        ----------
-        step : float
-            Step of a method that is given one [s].
-        error, duration : float
-            The simulation's wanted error, and its duration [s].
+        The step [s] is for methods that are given one; error and duration [s] are those of the simulation.
         """
         integrator: Integrator = self._method()(*self._settings(step, error, duration))
         return integrator

@@ -93,10 +93,7 @@ def with_line(error: InputError, overrides: Sequence[str]) -> InputError:
 def _read_with_base(source: Traversable, heirs: tuple[Path, ...]) -> tuple[dict[str, Any], Places, Replaced]:
     """Read the tables of a scene and those of its base that it leaves out, and set the single values that it gives.
 
-    Returns
-    -------
-    tuple of dict
-        The tables, the places of their keys, and what the base has in tables that are replaced.
+    With the tables are returned the places of their keys, and what the base has in tables that are replaced.
     """
     file = str(source)
     data, lines = read_with_lines(source)

@@ -47,16 +47,8 @@ def read_columns(
 ) -> TableColumns:
     """Read two columns of a CSV file; cells are divided by commas, semicolons, tabs or spaces.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the scene.
-    file : str
-        The file, relative to it.
-    argument, value : tuple
-        Key of the scene that names the column, ``"time"``, and the column: its name in the first row, or its number.
-    fewest : int
-        Rows that it needs.
+    The file is relative to the scene's folder. A column has the scene's key, ``"time"``, and its name in the first row,
+    or its number; ``fewest`` rows are needed.
 
     Raises
     ------

@@ -15,17 +15,10 @@ _TEXTS = ("title", "source")
 
 
 def split_tolerances(tables: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, float], list[Fault]]:
-    """Split the tolerances of a scene's tables from the numbers that have them.
+    """Split the tolerances of a scene's tables, as they are read, from the numbers that have them.
 
-    Parameters
-    ----------
-    tables : mapping
-        As they are read, before values are checked.
-
-    Returns
-    -------
-    tuple of dict, dict and list of Fault
-        The tables with the numbers alone; tolerances, relative to these, by dotted keys; and what is wrong with them.
+    Returns the tables with the numbers alone; tolerances, relative to these, by dotted keys; and what is wrong with
+    them.
     """
     found: dict[str, float] = {}
     faults: list[Fault] = []

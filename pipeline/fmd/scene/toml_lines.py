@@ -23,15 +23,7 @@ _BARE_VALUE = re.compile(r"[^,\]}#\n]*")
 def find_lines(text: str) -> Mapping[KeyPath, int]:
     """Find the lines, from 1, of all tables, keys and items of lists in a TOML file that is valid.
 
-    Parameters
-    ----------
-    text : str
-        Content of the file.
-
-    Returns
-    -------
-    mapping of tuple to int
-        Line on which each begins, by the keys that lead to it; items of lists count from 0.
+    They are by the keys that lead to each; items of lists count from 0.
     """
     return MappingProxyType(_Scanner(text).lines)
 

@@ -12,18 +12,9 @@ from fmd.core.arrays import Array
 
 
 def amplification_matrix(M: Array, K: Array, n_slow: int, step: float, substeps: int, C: Array | None = None) -> Array:
-    """Return the map of positions, rates and accelerations over one major cycle of ``M q̈ + C q̇ + K q = 0``.
+    """Return the map (3n, 3n) of positions, rates and accelerations over one major cycle of ``M q̈ + C q̇ + K q = 0``.
 
-    Parameters
-    ----------
-    M, K, C : ndarray, shape (n, n)
-        Mass, stiffness and coefficients of the rates, slow coordinates first.
-    step : float
-        Fast step [s].
-
-    Returns
-    -------
-    ndarray, shape (3n, 3n)
+    Slow coordinates of the matrices (n, n) are first; the step is the fast one [s].
     """
     n, L, S = len(M), slice(0, n_slow), slice(n_slow, None)
     C = np.zeros_like(K) if C is None else C

@@ -63,14 +63,8 @@ def find_limits(
 ) -> MechanismLimits:
     """Find the largest stable steps of a mechanism about its reference state and, if given, at operating points.
 
-    Parameters
-    ----------
-    ratios : iterable of int
-        Numbers of fast steps to a slow one, plain central difference first.
-    duration : float
-        Of the motion [s].
-    error : float
-        Wanted error of the recommended step, relative to the largest deformation.
+    Ratios are numbers of fast steps to a slow one, plain central difference first; the step to recommend has an error
+    relative to the largest deformation over a duration [s].
     """
     limits = tuple(find_limit(system, reference, m, duration, points) for m in ratios)
     step, m = recommend_step(reference.M, reference.K, reference.n_slow, error, duration)
@@ -118,12 +112,7 @@ def find_sudden_step(M: Array, K: Array, n_slow: int, substeps: int) -> tuple[fl
     """Bisect for the fast step beyond which undamped vibrations grow suddenly, within a few major cycles.
 
     A weakly unstable cycle multiplies a vibration by ``1 + c β² Ω²/(1 − β²)``, a suddenly unstable one by Ω² − 2 or so:
-    between them lies a jump, whose place is the limit.
-
-    Returns
-    -------
-    sudden_step, growth_rate : float
-        As in `StepLimit`.
+    between them lies a jump, whose place is the limit. Step and growth rate are as in `StepLimit`.
     """
     L, S = slice(0, n_slow), slice(n_slow, None)
     upper = min(2.02 / highest_frequency(M[S, S], K[S, S]), 2.02 / (substeps * highest_frequency(M[L, L], K[L, L])))

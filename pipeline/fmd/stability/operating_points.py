@@ -59,14 +59,10 @@ class OperatingPoints:
         return slope_growth_rates(self.slopes)
 
     def excess_growth(self, method: ResumableIntegrator) -> Array:
-        """Return the growth rates that are a scheme's own, beyond those of the equations of motion.
+        """Return the growth rates that are a scheme's own, (n_points, n_positions + n), beyond the equations' [1/s].
 
-        Where nothing grows by the scheme, its rates are returned as they are: below zero, as the excess would be.
-
-        Returns
-        -------
-        ndarray, shape (n_points, n_positions + n)
-            [1/s]; infinite if a march from one of the points diverges at once.
+        Where nothing grows by the scheme, its rates are returned as they are: below zero, as the excess would be. They
+        are infinite if a march from one of the points diverges at once.
         """
         shape = (len(self.points), self.system.n_positions + self.system.n)
         try:
@@ -117,16 +113,8 @@ def find_operating_points(
 ) -> OperatingPoints:
     """Find operating points of a mechanism's motion from its start, by the motion with all bodies rigid.
 
-    Parameters
-    ----------
-    system : CompiledSystem
-        The mechanism as it is marched, whose states are wanted; it may have another choice of slow coordinates.
-    mechanism : Mechanism
-        The mechanism that starts.
-    q0, v0 : ndarray, shapes (n_positions,) and (n,)
-        Positions and rates at the mechanism's start.
-    duration : float
-        [s]
+    States are those of the system as it is marched, which may have another choice of slow coordinates than the
+    mechanism that starts at q0 and v0; the duration is in s.
 
     Raises
     ------
@@ -188,10 +176,7 @@ def find_steady_points(
 ) -> Sequence[OperatingPoint] | None:
     """Find the states near by in which some ``rates`` are at rest and nothing accelerates them, by Newton's method.
 
-    Returns
-    -------
-    sequence of OperatingPoint or None
-        None if the corrections of one of the points do not converge.
+    There are none if the corrections of one of the points do not converge.
     """
     if not rates.size:
         return points

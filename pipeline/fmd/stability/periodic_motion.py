@@ -51,18 +51,10 @@ class PeriodicMotion:
 def find_periodic_motion(
     system: Any, method: AdaptiveIntegrator, start: State, period: float, closes: float
 ) -> PeriodicMotion:
-    """Find the motion that repeats after a period, near a state.
+    """Find the motion that repeats after a period [s], as the mechanism's loads and motions do, near a state.
 
-    Parameters
-    ----------
-    system : CompiledSystem
-        The mechanism, whose loads and motions repeat.
-    method : AdaptiveIntegrator
-        Marches over the period, to an error well below ``closes``.
-    period : float
-        [s]
-    closes : float
-        Gap and last correction, beside the largest value of each kind of coordinate.
+    The method marches over the period to an error well below ``closes``: gap and last correction, beside the largest
+    value of each kind of coordinate.
 
     Raises
     ------

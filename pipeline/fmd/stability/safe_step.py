@@ -12,22 +12,12 @@ _SCAN = 0.5 ** np.arange(6.0, -0.5, -0.5)  # shares of the upper step
 
 
 def longest_safe_step(e_folds: Callable[[float], float], upper: float, bisections: int = 8) -> float:
-    """Return the longest step up to which small vibrations grow by `ALLOWED_GROWTH` at most.
+    """Return the longest step [s], up to ``upper``, by which small vibrations grow by `ALLOWED_GROWTH` at most.
 
-    Parameters
-    ----------
-    e_folds : callable
-        E-folds of growth over the duration with a step [s].
-    upper : float
-        Longest step that comes into question [s].
-    bisections : int
-        Halvings of the interval of the limit, which begins as a factor of √2.
-
-    Returns
-    -------
-    float
-        ``upper`` if nothing below it grows; 0 if everything down to a millionth of it does. Where growth falls again
-        before it is too much, but after half of the e-folds allowed, the step at which it is largest.
+    That is ``upper`` if nothing below it grows; 0 if everything down to a millionth of it does. Where growth falls
+    again before it is too much, but after half of the e-folds allowed, it is the step at which it is largest.
+    ``e_folds`` gives those of growth over the duration with a step; the interval of the limit, which begins as a factor
+    of √2, is halved some times.
     """
     allowed = np.log(ALLOWED_GROWTH)
     low = high = before = 0.0

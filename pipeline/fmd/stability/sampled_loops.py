@@ -38,12 +38,7 @@ class SampledLoops:
     def growth_rate(self, periods: Sequence[float], laws: Sequence[LinearLaw]) -> float | None:
         """Return the largest growth rate of small vibrations [1/s]; none if sample times have no common multiple.
 
-        Parameters
-        ----------
-        periods : sequence of float
-            Sample time of each controller [s].
-        laws : sequence of LinearLaw
-            Law of each.
+        Each controller has a period [s] and a law.
         """
         every = _count_steps(periods)
         if every is None:

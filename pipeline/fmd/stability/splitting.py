@@ -48,18 +48,10 @@ def split_at(system: CompiledSystem, frequency_hz: float) -> tuple[list[str], di
 def choose_split(
     system: CompiledSystem, error: float, duration: float, spin: float, step: float | None = None
 ) -> Split:
-    """Choose the split with the least work, its ratio and, if none is given, the fast step.
+    """Choose the split with the least work, its ratio and, if none is given, the fast step [s].
 
-    Parameters
-    ----------
-    error : float
-        Wanted, relative to the largest deformation.
-    duration : float
-        Of the motion [s].
-    spin : float
-        Angular rate of the fastest body, its root mean square over the duration [rad/s].
-    step : float, optional
-        Fast step [s].
+    The error is relative to the largest deformation over a duration [s]; the spin is the angular rate of the fastest
+    body, its root mean square over that [rad/s].
     """
     own = 2 * np.pi * system.frequencies_hz
     order = np.argsort(own, kind="stable")
@@ -98,12 +90,8 @@ def longest_step(M: Array, K: Array, error: float, duration: float) -> float:
 def recommend_step(M: Array, K: Array, n_slow: int, error: float, duration: float) -> tuple[float, int]:
     """Return the longest fast step [s] and the largest ratio whose phase errors and growth stay below an error.
 
-    The ratio is 1 where all coordinates are slow, or all are fast: it would change nothing.
-
-    Parameters
-    ----------
-    error : float
-        Wanted, relative to the largest deformation.
+    The ratio is 1 where all coordinates are slow, or all are fast: it would change nothing. The error is relative to
+    the largest deformation.
     """
     if not 0 < n_slow < len(M):
         return longest_step(M, K, error, duration), 1

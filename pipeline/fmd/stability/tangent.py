@@ -76,17 +76,9 @@ def _find_slopes(values: Array, nudges: Array) -> Array:
 def scheme_growth_rates(
     method: ResumableIntegrator, system: System, points: Sequence[OperatingPoint], span: float
 ) -> Array:
-    """Return the growth rates of small vibrations in marches with a fixed step.
+    """Return the growth rates (n_points, n_values) of small vibrations in marches with a fixed step [1/s], descending.
 
-    Parameters
-    ----------
-    span : float
-        Time that the tangent maps are taken over, rounded to whole major cycles [s].
-
-    Returns
-    -------
-    ndarray, shape (n_points, n_values)
-        ``ln|μ|/τ`` for each eigenvalue μ of `scheme_tangents` [1/s], descending.
+    They are ``ln|μ|/τ`` for each eigenvalue μ of `scheme_tangents` over a span, rounded to whole major cycles [s].
 
     Raises
     ------
@@ -110,15 +102,11 @@ def map_growth_rates(maps: Array, duration: float) -> Array:
 def scheme_tangents(
     method: ResumableIntegrator, system: System, points: Sequence[OperatingPoint], span: float
 ) -> tuple[Array, float]:
-    """Differentiate marches over some major cycles by the states at their start.
+    """Differentiate marches over some major cycles by the states at their start, (n_points, n_values, n_values).
 
-    Returns
-    -------
-    ndarray, shape (n_points, n_values, n_values)
-        Maps of disturbances of ``State.q``, ``State.v`` and ``State.a``; and of what a method has of the cycles before,
-        forces that it carries on or mean rates (the companion form of a map with a history).
-    float
-        Duration of the cycles [s]: ``span``, rounded to whole ones.
+    These are maps of disturbances of ``State.q``, ``State.v`` and ``State.a``; and of what a method has of the cycles
+    before, forces that it carries on or mean rates (the companion form of a map with a history). With them comes the
+    duration of the cycles [s]: ``span``, rounded to whole ones.
     """
     h, m, driven = method.step, method.substeps, _has_driven_loops(system)
     rest = _rest(system) if driven else (points[0].q, points[0].v)

@@ -190,18 +190,9 @@ def _residual(system: CompiledSystem, q: Array, t: float = 0.0) -> float:
 
 
 def close_pose(system: CompiledSystem, t: float, q: Array, kept: int | None = None) -> Array | None:
-    """Return positions near ``q`` at which all loops are closed at a time; ``None`` if there are none.
+    """Return positions near ``q`` at which all loops are closed at a time [s]; ``None`` if there are none.
 
-    Bodies deform only where joints alone can't do it.
-
-    Parameters
-    ----------
-    t : float
-        At which prescribed motions are taken [s].
-    q : ndarray, shape (n_positions,)
-        Where the search begins.
-    kept : int, optional
-        Number of the rate whose coordinate stays as it is.
+    Bodies deform only where joints alone can't do it. The coordinate of the rate ``kept`` stays as it is.
     """
     if not system.mechanism.closures:
         return q

@@ -109,16 +109,8 @@ def constrained_stiffness(
 ) -> ConstrainedStiffness:
     """Find the lowest stiffness of a mechanism with loops or force elements at a moment of its rigid motion.
 
-    Parameters
-    ----------
-    system : CompiledSystem
-        The mechanism's, with stiffened bodies.
-    loads : mapping of int to BodyLoads
-        Loads on its bodies over the motion, by their numbers.
-    k, t : int, float
-        The moment: its number among those of the loads, and its time [s].
-    rigid_positions : ndarray
-        Positions of the mechanism with all bodies rigid at that moment.
+    The system's bodies are stiffened; loads on bodies over the motion are by their numbers. The moment is number k
+    among theirs, at time t [s], with positions of the mechanism with all bodies rigid.
     """
     from scipy.linalg import eigh
 

@@ -70,13 +70,7 @@ def _read_variables(path: Path, scene_file: str, key: str, given: str) -> dict[s
 
 
 def add_controllers(functions: FunctionBuilder) -> tuple[list[Link], list[SampledController]]:
-    """Give the controllers' names their meaning in formulas.
-
-    Returns
-    -------
-    tuple of list
-        Their states, and those that sample in the scene's order.
-    """
+    """Give the controllers' names their meaning in formulas; return their states, and those that sample in order."""
     states, sampled, held = list[Link](), list[SampledController](), 0
     for name, controller in functions.scene.controller.items():
         if isinstance(controller, ExternalValue):
@@ -140,15 +134,10 @@ def _continuous(
 def sampled_law(given: PidController, sample_time: float | None = None) -> LinearLaw:
     """Return the law of a sampled PID controller for the error and, if that is measured, its rate.
 
-    The memory is the integral's part of the output and the filtered error w. The integral adds up ``integral T e``;
-    w follows the error as if that were constant over a sample time T, ``w⁺ = a w + (1 − a) e`` with
-    ``a = exp(−T/filter)``, and the derivative is ``(e − w)/filter``; without a filter ``(e − w)/T`` with the last
-    error as w.
-
-    Parameters
-    ----------
-    sample_time : float, optional
-        Another sample time than the controller's [s].
+    The memory is the integral's part of the output and the filtered error w. The integral adds up ``integral T e``; w
+    follows the error as if that were constant over a sample time T, the controller's by default, ``w⁺ = a w + (1 − a)
+    e`` with ``a = exp(−T/filter)``, and the derivative is ``(e − w)/filter``; without a filter ``(e − w)/T`` with the
+    last error as w.
     """
     T = sample_time or given.sample_time
     assert T is not None

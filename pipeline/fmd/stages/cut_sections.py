@@ -45,16 +45,8 @@ _SOURCES = ("fmd/fem", "fmd/reduction", "fmd/stages/cut_sections.py", "fmd/stage
 def weigh_cuts(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> tuple[tuple[Marker, ...], ...]:
     """Return for each cut the markers on the whole part's nodes, weighted by tractions there, a weld for each.
 
-    Parameters
-    ----------
-    loaded : collection of str
-        Names of the markers at which joints and loads act.
-
-    Returns
-    -------
-    tuple of tuple of Marker
-        That of static deflections, and that of modes if they are wanted; none for a cut whose nodes are also on a rigid
-        face, or whose forces have dependent resultants.
+    They are that of static deflections by loads at the markers ``loaded``, and that of modes if they are wanted; none
+    for a cut whose nodes are also on a rigid face, or whose forces have dependent resultants.
     """
     assert isinstance(part.shape, Solid)
     inputs = {
@@ -260,13 +252,7 @@ def _like_a_known(marker: Marker, known: Sequence[Marker], x: Array) -> Marker:
 
 
 def mark_pieces(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> CutPart:
-    """Give pieces those markers that their own meshes don't define.
-
-    Parameters
-    ----------
-    loaded : collection of str
-        Names of the markers at which joints and loads act.
-    """
+    """Give pieces those markers that their own meshes don't define; joints and loads act at those ``loaded``."""
     shape, given = part.shape, list[dict[str, Marker]]({} for _ in cut.pieces)
     assert isinstance(shape, Solid)
     for k, piece in enumerate(cut.pieces):

@@ -56,13 +56,7 @@ def find_place(place: str, cuts: Mapping[str, CutPart]) -> str:
 
 
 def divide_scene(scene: Scene, cuts: Mapping[str, CutPart], elements: Mapping[str, Mapping[str, int]]) -> Scene:
-    """Replace each body that is cut by its pieces, and weld these.
-
-    Parameters
-    ----------
-    elements : mapping of str to mapping
-        Numbers of the named elements in the mesh of each of them.
-    """
+    """Replace each body that is cut by its pieces, and weld these; its named elements have numbers in its mesh."""
     loaded = scene.loaded_places
     bodies: dict[str, Any] = {}
     for name, body in scene.body.items():
@@ -258,12 +252,7 @@ def _attach_as_wholes(scene: Scene, wholes: Mapping[str, FlexiblePart]) -> Scene
 
 
 def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Division | None = None) -> Division:
-    """Divide the parts of a scene that are to be in pieces.
-
-    Parameters
-    ----------
-    like : Division, optional
-        That of another scene, from which results are taken that both have in common.
+    """Divide the parts of a scene that are to be in pieces, with results that a division of another has in common.
 
     Raises
     ------

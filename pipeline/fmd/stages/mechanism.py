@@ -38,12 +38,7 @@ if TYPE_CHECKING:
 
 
 def build_mechanism(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> Mechanism:
-    """Build the mechanism of a scene; each body's frame sits at the marker of the joint that carries it.
-
-    Parameters
-    ----------
-    bodies : mapping of str to FlexibleBody
-        The scene's flexible bodies, reduced.
+    """Build the mechanism of a scene with its reduced bodies; each one's frame sits at its joint's marker.
 
     Raises
     ------
@@ -83,10 +78,7 @@ def add_observer(
 ) -> Mechanism:
     """Return a scene's mechanism with one more controller, the last one, which measures some formulas of the motion.
 
-    Parameters
-    ----------
-    known : callable, optional
-        Of a mechanism whose own controllers are left out: gives what they put out as functions of time.
+    Of a mechanism whose own controllers are left out, ``known`` gives what they put out as functions of time.
 
     Raises
     ------
@@ -103,13 +95,10 @@ def add_observer(
 
 
 def find_start(scene: Scene, system: CompiledSystem) -> tuple[Array, Array]:
-    """Find positions and rates of a scene's mechanism at the start.
+    """Find positions (n_positions,) and rates (n,) of a scene's mechanism at the start.
 
-    Returns
-    -------
-    tuple of ndarray, shapes (n_positions,) and (n,)
-        With the joints where the scene has them, the bodies undeformed or, on a steady start, at rest in their frames;
-        or all at rest under the loads of the start.
+    Joints are where the scene has them, the bodies undeformed or, on a steady start, at rest in their frames; or all is
+    at rest under the loads of the start.
 
     Raises
     ------

@@ -24,13 +24,9 @@ from fmd.dynamics.state_functions import StateCurve
 def tabulate_energy(pair: GearPair, flexibilities: Sequence[ToothFlexibility], width: float, load: float) -> MeshEnergy:
     """Tabulate the elastic energy of two gears' teeth by their approach and the place of a pair.
 
-    Forces at the nodes are a sum of products, by singular values. The factors are cubic splines of the place, and
-    parabolas between nodes of the approach, so that the energy has pieces of cubics in both.
-
-    Parameters
-    ----------
-    load : float
-        Force along the line of action, up to ``OVERLOAD`` times of which there are nodes [N].
+    Forces at the nodes are a sum of products, by singular values, up to ``OVERLOAD`` times the load along the line of
+    action [N]. The factors are cubic splines of the place, and parabolas between nodes of the approach, so that the
+    energy has pieces of cubics in both.
     """
     begin, pitch = pair.path[0], pair.pinion.base_pitch
     places = begin + np.arange(PLACES_OF_PITCH) / PLACES_OF_PITCH * pitch

@@ -155,13 +155,7 @@ class JointAxes:
 
 
 def ground_place(scene: Scene, place: str) -> tuple[Array, Array]:
-    """Return the position and the axes of ``"ground"`` or of a place on it.
-
-    Returns
-    -------
-    tuple of ndarray, shapes (3,) and (3, 3)
-        Position in space [m], and the rotation from the place's axes into those of space.
-    """
+    """Return the position (3,) in space [m] of ``"ground"`` or of a place on it, and its axes (3, 3)."""
     name = place.partition(".")[2]
     if not name:
         return np.zeros(3), np.eye(3)

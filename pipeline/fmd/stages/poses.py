@@ -43,17 +43,9 @@ def undeformed_start(run: Pipeline) -> Array:
 def find_clips(run: Pipeline, q0: Array, reach: float) -> tuple[Clip, ...]:
     """Find the poses along each coordinate that a hand could move, as far as loops stay closed.
 
-    Parameters
-    ----------
-    q0 : ndarray, shape (n_positions,)
-        Positions at the start, as `undeformed_start` gives them.
-    reach : float
-        How far slides without stops move to both sides [m]; hinges without stops make a whole turn.
-
-    Returns
-    -------
-    tuple of Clip
-        The prescribed motions' if there are any, and one for each joint with a single free coordinate.
+    They begin with positions q0 as `undeformed_start` gives them; slides without stops move by a reach to both sides
+    [m], hinges without stops make a whole turn. There is a clip of the prescribed motions, if there are any, and one
+    for each joint with a single free coordinate.
     """
     poses, found = _Poses(run, q0, reach), []
     if any(link.motion is not None for link in run.mechanism.links):
@@ -121,14 +113,9 @@ class _Poses:
 
 
 def run_at_poses(run: Pipeline, times: Array, q: Array) -> Pipeline:
-    """Return the stages of a run whose motion is a row of poses at rest.
+    """Return the stages of a run whose motion is a row of poses at rest, of positions q (n_poses, n_positions).
 
-    Parameters
-    ----------
-    times : ndarray, shape (n_poses,)
-        At which prescribed motions are taken [s]; they need not ascend.
-    q : ndarray, shape (n_poses, n_positions)
-        Positions.
+    Prescribed motions are taken at times (n_poses,) [s], which need not ascend.
     """
     posed = copy(run)
     for name in ("stress", "fine_times"):  # of the run's own motion

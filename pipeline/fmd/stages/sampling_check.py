@@ -42,15 +42,8 @@ def state_of_start(run: Pipeline) -> list[tuple[OperatingPoint, Array]]:
 def find_unstable_sampling(run: Pipeline, states: Sequence[tuple[OperatingPoint, Array]]) -> str:
     """Say if sampling makes small vibrations grow that fine sampling would not, and which sample times would do.
 
-    Parameters
-    ----------
-    states : sequence of tuple
-        States, with the values that controllers hold, about which loops are linearised, without limits.
-
-    Returns
-    -------
-    str
-        Empty if the loops are sound there.
+    Loops are linearised, without limits, about states with the values that controllers hold. Nothing is said if they
+    are sound there.
     """
     scene, system = run.scene, run.system
     controllers = system.mechanism.controllers

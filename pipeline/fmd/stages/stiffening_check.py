@@ -152,14 +152,8 @@ def keep_inertia_of_pieces(
     """Return the pieces among stiffened bodies with their inertia of second order where it counts.
 
     Without it a piece is stiffened by the forces at its ends, but not by its own inertia. All pieces of a part have it
-    or none, so that equal ones stay equal.
-
-    Parameters
-    ----------
-    linear, stiffened : mapping of str to FlexibleBody
-        Bodies without and with displacements of second order, by name.
-    error : float
-        Required relative error; 0 if it always counts.
+    or none, so that equal ones stay equal. It always counts if the required relative error is 0. The linear bodies have
+    no displacements of second order.
     """
     pieces = {name: body for name, body in stiffened.items() if part_of(name)}
     counts = {
@@ -191,19 +185,9 @@ def critical_rate(body: FlexibleBody, spin: Array) -> float:
 
 
 def rigid_spins(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> dict[str, Array]:
-    """Compute the angular velocity of each body in its own axes over a motion in which no body deforms.
+    """Compute the angular velocity (n_samples, 3) [rad/s] of each body in its axes over a motion in which none deforms.
 
-    Parameters
-    ----------
-    q0, v0 : ndarray
-        Positions and rates of `Mechanism.rigid` at the start.
-    duration : float
-        Of the motion [s].
-
-    Returns
-    -------
-    dict of str to ndarray, shapes (n_samples, 3)
-        [rad/s]
+    It starts with positions and rates of `Mechanism.rigid`, and has a duration [s].
     """
     motion = rigid_motion(mechanism, q0, v0, duration)
     return {link.name: motion.body_spin(k) for k, link in enumerate(mechanism.links)}

@@ -44,12 +44,9 @@ def find_visual_files(scene: Scene) -> dict[str, str]:
 
 
 def read_shape(scene: Scene, body: str, place: str, cache: Cache) -> tuple[Array, IntArray]:
-    """Read a body's shape from its file, whose table is ``visual.NUMBER`` or ``surface.NAME`` of the body.
+    """Read points (n, 3) in the body's frame [m] and triangles (m, 3) of a body's shape from its file.
 
-    Returns
-    -------
-    tuple of ndarray, shapes (n_points, 3) and (n_triangles, 3)
-        Points in the body's frame [m], and the corners of each triangle.
+    The file's table is ``visual.NUMBER`` or ``surface.NAME`` of the body.
 
     Raises
     ------

@@ -40,12 +40,7 @@ def prepare_charts() -> None:
 def draw_sweep(table: SweepTable, folder: Path, title: str) -> list[str]:
     """Draw a sweep's results, or else its main figures: lines over one key, a map over two, points over each of more.
 
-    Points of a design are drawn over each of its keys, too.
-
-    Returns
-    -------
-    list of str
-        The file's name; none if no point has a figure.
+    Points of a design are drawn over each of its keys, too. Returns the file's name; none if no point has a figure.
 
     Raises
     ------

@@ -99,17 +99,8 @@ def _tower(_: Cache | None) -> list[Figure]:
 def twisted_shapes(z: Array, twist: Array) -> Array:
     """Shapes of a twisted blade: bending about its turning principal axes, integrated twice as ElastoDyn does.
 
-    Parameters
-    ----------
-    z : ndarray, shape (n,)
-        Middles of equal elements [m].
-    twist : ndarray, shape (n,)
-        Angle of the principal axes [rad].
-
-    Returns
-    -------
-    ndarray, shape (n, 3, 3)
-        Displacements of the first and second flap mode and the first edge mode.
+    By the twist (n,) of the axes [rad] at the middles z (n,) of equal elements [m] there are displacements (n, 3, 3) of
+    the first and second flap mode and the first edge mode.
     """
     h, powers = z[1] - z[0], np.arange(2, 7)
     terms = powers[:, None] * (powers[:, None] - 1) * (z / _LENGTH) ** (powers[:, None] - 2)

@@ -28,12 +28,7 @@ TOO_LIGHT = "combinations of modes are so light that round-off hides their inert
 def require_positive_mass(system: ReferenceState, q: Array, where: str, least: float = 0.0) -> None:
     """Raise ``InertiaError`` if deflections at positions q (n_positions,) take a part of its inertia from a motion.
 
-    Parameters
-    ----------
-    where : str
-        Instant that the message names.
-    least : float
-        Part of its inertia in the undeformed mechanism that every motion must keep.
+    Every motion must keep the part ``least`` of what it has in the undeformed mechanism; ``where`` names the instant.
     """
     if not _stiffened(system.mechanism):
         return
@@ -53,13 +48,7 @@ def require_positive_mass(system: ReferenceState, q: Array, where: str, least: f
 
 
 def require_positive_over(system: ReferenceState, times: Array, q: Array) -> None:
-    """Raise ``InertiaError`` if the mass isn't positive definite at one of a motion's largest deflections.
-
-    Parameters
-    ----------
-    times, q : ndarray, shapes (n_times,) and (n_times, n_positions)
-        Times [s] and positions.
-    """
+    """Raise ``InertiaError`` if the mass isn't positive definite at a largest one of deflections q (n_times, …)."""
     mechanism = system.mechanism
     stiffened = _stiffened(mechanism)
     if not stiffened:

@@ -260,17 +260,9 @@ class CompiledMechanism:
         return np.asarray(X.T @ self.mass_matrix(self.signal_values(t), q))
 
     def reactions(self, times: Array, q: Array, v: Array, multipliers: Array) -> Array:
-        """Return force [N] and moment [N m] of each joint that closes a loop, at many states.
+        """Return force [N] and moment [N m] of joints that close loops, at many states, (n_times, n_joints, 2, 6).
 
-        Parameters
-        ----------
-        times, q, v, multipliers : ndarray, shapes (n_times,), (n_times, n_positions), (n_times, n), (n_times, n_rows)
-            States, and the Lagrange multipliers of their constraints.
-
-        Returns
-        -------
-        ndarray, shape (n_times, n_joints, 2, 6)
-            On its parent and on its child, in space, about the joint's places.
+        They act on the parent and on the child, in space, about the joint's places, by multipliers (n_times, n_rows).
         """
         return self._over("reactions", times, q, v, {"f": multipliers}).reshape(len(times), -1, 2, 6)
 
@@ -310,20 +302,11 @@ class CompiledMechanism:
     def joint_loads(
         self, times: Array, q: Array, v: Array, a: Array, multipliers: Array, pushes: Sequence[Array] = ()
     ) -> tuple[Array, Array]:
-        """Return accelerations of the bodies' frames and loads of their joints, at many states.
+        """Return accelerations of frames and loads of joints, (n_times, n_bodies, 6) and (n_times, n_bodies, 2, 6).
 
-        Parameters
-        ----------
-        times, q, v, a, multipliers : ndarray, (n_times,), (n_times, n_positions), (n_times, n) twice, (n_times, n_rows)
-            States, accelerations, and the Lagrange multipliers of the constraints.
-        pushes : sequence of ndarray, shapes (n_times, n_bodies, 6) and (n_times, n)
-            Of contacts, on frames, in their axes, and on modes; none without contacts.
-
-        Returns
-        -------
-        tuple of ndarray, shapes (n_times, n_bodies, 6) and (n_times, n_bodies, 2, 6)
-            Accelerations, and force and moment on the parent, about the joint's place, and on the body, about its
-            origin. All are in space [m/s², rad/s², N, N m].
+        Loads are force and moment on the parent, about the joint's place, and on the body, about its origin. All are in
+        space [m/s², rad/s², N, N m], at states with accelerations and Lagrange multipliers (n_times, n_rows). Contacts
+        push frames, in their axes, and modes: ``pushes``, (n_times, n_bodies, 6) and (n_times, n).
         """
         more = dict(zip(("push", "modal"), (own.reshape(len(times), -1) for own in pushes), strict=bool(pushes)))
         values = self._over("joint_loads", times, q, v, {"a": a, "f": multipliers, **more})

@@ -13,13 +13,10 @@ from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 def differentiate(
     graph: Graph, outputs: Sequence[Scalar | Vector], seeds: Mapping[int, Scalar | Vector]
 ) -> list[Scalar | Vector]:
-    """Return the derivatives of outputs along a direction.
+    """Return the derivatives of outputs along a direction: derivatives of inputs, by the numbers of their nodes.
 
-    Parameters
-    ----------
-    seeds : mapping of int to Scalar or Vector
-        The direction: derivatives of inputs, by the numbers of their nodes; others don't change. A direction of
-        constants folds away what they leave out, one of inputs serves every direction.
+    Other inputs don't change. A direction of constants folds away what they leave out, one of inputs serves every
+    direction.
 
     References
     ----------

@@ -20,15 +20,10 @@ _ARGUMENTS = ("q", "v")
 
 
 def effort_tangents(mechanism: Mechanism) -> tuple[Array, Array]:
-    """Return stiffness and damping by loads that depend on the state, as if they alone acted on the tree.
+    """Return stiffness and damping (n, n) by loads that depend on the state, as if they alone acted on the tree.
 
     They are the derivatives of ``−Q`` by positions and rates with all joints at their places in the undeformed
     mechanism, at rest at time 0. Turning in space has no stiffness here.
-
-    Returns
-    -------
-    tuple of ndarray, shape (n, n)
-        In the order of rates.
     """
     tree = replace(mechanism, closures=())
     bare = replace(

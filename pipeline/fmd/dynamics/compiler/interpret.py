@@ -42,11 +42,8 @@ class Evaluation:
     def __call__(self, arguments: Mapping[str, Array]) -> list[Any]:
         """Return the values: (n_states,) of scalars and (size, n_states) of vectors, with 1 for what never changes.
 
-        Parameters
-        ----------
-        arguments : mapping of str to ndarray, shapes (n_places, n_states)
-            What inputs read. Complex entries are carried through, for derivatives by a complex step, by sine and
-            cosine alone of all functions.
+        Inputs read arguments (n_places, n_states). Complex entries are carried through, for derivatives by a complex
+        step, by sine and cosine alone of all functions.
         """
         values: list[Any] = []
         with np.errstate(all="ignore"):  # what has no value is not a number
@@ -57,13 +54,7 @@ class Evaluation:
         return [values[k] for k in self._outputs]
 
     def at(self, arguments: Mapping[str, Array]) -> list[Any]:
-        """Return the values at one state, or with an entry for each lane in a last axis.
-
-        Parameters
-        ----------
-        arguments : mapping of str to ndarray, shapes (n_places,) or (n_places, n_lanes)
-            What inputs read.
-        """
+        """Return the values at one state, or with an entry for each lane in a last axis, as its arguments have."""
         given = {name: np.asarray(entries) for name, entries in arguments.items()}
         lanes = {entries.shape[1] for entries in given.values() if entries.ndim == 2}
         whole = {name: entries if entries.ndim == 2 else entries[:, None] for name, entries in given.items()}

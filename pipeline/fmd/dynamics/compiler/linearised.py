@@ -73,13 +73,7 @@ class LinearisedMechanism:
     def accelerations(
         self, q: Array, v: Array, signals: Mapping[Signal, Sequence[float]], given: Array
     ) -> tuple[Array, Array]:
-        """Return the accelerations of all rates (n,) at a state, and the multipliers of the constraints (n_rows,).
-
-        Parameters
-        ----------
-        q, v, signals, given
-            As of `tangents`.
-        """
+        """Return accelerations (n,) and the constraints' multipliers (n_rows,) at a state, given as for `tangents`."""
         n, m = self.mechanism.n, self.n_rows
         a, f = np.zeros(n), np.zeros(m)
         a[self.given] = given

@@ -33,14 +33,9 @@ _loaded: RecentlyUsed[LoadedObject] = RecentlyUsed(MOST_LOADED)
 
 
 def load_program(name: str, digest: str, trace: Callable[[], Program]) -> LoadedObject:
-    """Return a program's machine code: kept from before, or compiled now and kept.
+    """Return a program's machine code: kept from before, or traced and compiled now and kept.
 
-    Parameters
-    ----------
-    digest : str
-        Of all that it is made from, apart from the sources.
-    trace : callable
-        Traces it, if it has to be compiled.
+    The digest is of all that it is made from, apart from the sources.
     """
     path = constants_path(name, digest)
     return _loaded.get(path, lambda: _read_program(name, path) or _make_program(name, path, trace))

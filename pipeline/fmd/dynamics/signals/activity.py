@@ -65,14 +65,9 @@ class Activity:
 
 @lru_cache(maxsize=64)
 def find_activity(signal: Signal, end: float, derivative: int = 0) -> Activity:
-    """Divide the time up to an end into pieces by halving, until each is quiet or close to a parabola.
+    """Divide the time up to an end [s] into pieces by halving, until each is quiet or close to a parabola.
 
-    Parameters
-    ----------
-    end : float
-        Last time [s], above 0.
-    derivative : int
-        0 for a load; 2 for a prescribed motion, whose acceleration acts.
+    The derivative is 0 for a load, and 2 for a prescribed motion, whose acceleration acts.
     """
     knots = {float(t) for term in signal.terms for t in (*term.knots, *term.support) if 0.0 < t < end}
     fixed = np.array(sorted({0.0, end, *knots, *(t for t in signal.breakpoints if 0.0 < t < end)}))

@@ -34,15 +34,7 @@ def shortest_missed(signal: Signal, end: float, step: float, derivative: int = 0
 
     A peak counts from a tenth of the signal's range on. It is carried if it is as wide as some steps, or, from about
     one step on, if samples at the steps' ends and at their middles have its impulse, as those of a table at its knots.
-
-    Parameters
-    ----------
-    end : float
-        Time up to which the signal acts [s], above 0.
-    step : float
-        Time between two samples [s].
-    derivative : int
-        0 for a load; 2 for a prescribed motion, whose acceleration acts.
+    The derivative is 0 for a load, and 2 for a prescribed motion, whose acceleration acts.
     """
     if signal.is_constant:
         return math.inf

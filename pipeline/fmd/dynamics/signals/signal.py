@@ -124,19 +124,12 @@ def constant(value: float) -> Signal:
 
 
 def formula(expression: Formula, factor: float = 1.0) -> Signal:
-    """Make a signal of a formula times a factor.
+    """Make a signal of a formula times a factor, the SI units in one unit of its values.
 
-    Where a formula has no real value (a root or a logarithm of a negative number, a varying power of one) the signal
-    is not a number, which stops a march; so it does where a derivative that is wanted doesn't exist, as of ``sqrt(t)``
-    at 0. On a kink, the derivatives of abs are those after it for a rising argument, and min and max have those of
-    their first argument.
-
-    Parameters
-    ----------
-    expression : Formula
-        What `fmd.core.formula.parse_formula` makes of the text.
-    factor : float
-        SI units in one unit of the formula's values.
+    Where a formula has no real value (a root or a logarithm of a negative number, a varying power of one) the signal is
+    not a number, which stops a march; so it does where a derivative that is wanted doesn't exist, as of ``sqrt(t)`` at
+    0. On a kink, the derivatives of abs are those after it for a rising argument, and min and max have those of their
+    first argument.
 
     Raises
     ------
@@ -153,16 +146,10 @@ def formula(expression: Formula, factor: float = 1.0) -> Signal:
 
 
 def half_sine(start: float, duration: float, peak: float, power: int = 1) -> Signal:
-    """Make ``peak sin(π (t − start)/duration)^power`` while that lasts, else 0.
+    """Make ``peak sin(π (t − start)/duration)^power`` while that lasts, else 0; times in s.
 
-    Its impulse is ``2/π peak duration``, of the second power half of ``peak duration``.
-
-    Parameters
-    ----------
-    start, duration : float
-        When it begins and how long it lasts [s].
-    power : int
-        1 or, for no kinks at its ends, 2.
+    Its impulse is ``2/π peak duration``, of the second power, which has no kinks at its ends, half of ``peak
+    duration``.
 
     Raises
     ------

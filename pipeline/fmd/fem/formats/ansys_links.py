@@ -109,10 +109,7 @@ class AnsysLinks:
     def connections(self, given: Mapping[str, list[str]], raw: RawMesh) -> Connections:
         """Return all connections; equations that are those of rigid arms, as of CERIG, as rigid ones.
 
-        Parameters
-        ----------
-        given : mapping of str to list of str
-            Node, direction and coefficient of each term of the equations, by their numbers.
+        Equations are given by node, direction and coefficient of each of their terms, by their numbers.
         """
         equations = {number: self._terms(f"CE {number}", items) for number, items in given.items()}
         rigid, kept = self._rigid(equations)

@@ -29,10 +29,7 @@ class AnsysSection:
 def shell_section(section: AnsysSection | None, real: list[float], kind: int, m: int) -> tuple[Array, float, str]:
     """Return thickness at the m nodes of a shell, offset of its middle from them, and what of its section isn't read.
 
-    Parameters
-    ----------
-    kind : int
-        Number of the element type; SHELL63 and SHELL93 have real constants in place of a section.
+    Of element types ``kind``, SHELL63 and SHELL93 have real constants in place of a section.
     """
     if kind in (63, 93):
         t = np.array([each or real[0] for each in (real[:4] + [0.0] * 4)[:m]]) if real else np.full(m, np.nan)

@@ -94,17 +94,10 @@ class NastranBeams:
     def finished(
         self, points: Mapping[int, Array], moves: Mapping[int, str], directions: Callable[[str], Array | None]
     ) -> DeckBeams:
-        """Return the beams in the basic system, with vectors towards points.
+        """Return the beams in the basic system, with vectors towards points, whose places are in that.
 
-        Parameters
-        ----------
-        points : mapping of int to ndarray
-            Places of grid points in the basic system.
-        moves : mapping of int to str
-            Systems (CD) of the points that move in another; a beam's vector is in that of its first end, an offset in
-            that of its own.
-        directions : callable
-            Gives a system's axes, the columns; ``None`` if they differ from place to place.
+        Points move in systems (CD); a beam's vector is in that of its first end, an offset in that of its own.
+        ``directions`` gives a system's axes, the columns; ``None`` if they differ from place to place.
         """
         for k, ends in enumerate(self._ends if moves else ()):
             label, _, towards, offsets = self.deck.elements[k]

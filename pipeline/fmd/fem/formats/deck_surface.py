@@ -16,12 +16,7 @@ from fmd.fem.surface import SurfaceTopology, polygon_surface, turn_outwards
 def deck_surface(x: Array, blocks: Sequence[tuple[str, IntArray]]) -> SurfaceTopology | None:
     """Return the facets that belong to one element alone, of elements of any kinds; ``None`` without solids.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n_nodes, 3)
-        Positions of all nodes.
-    blocks : sequence of (str, ndarray)
-        Type by meshio's name, and nodes of each element in meshio's order, shape (n, n_local).
+    Each block has a type by meshio's name, and the elements' nodes in meshio's order; x (n_nodes, 3) is of all nodes.
     """
     polygons: list[IntArray] = []
     keys: list[IntArray] = []

@@ -55,17 +55,7 @@ def write_mesh(mesh: AnyMesh, path: Path) -> None:
 
 
 def write_surface(points: Array, triangles: IntArray, fields: Mapping[str, Array], path: Path) -> None:
-    """Write a surface with fields at its points as ``.vtu``.
-
-    Parameters
-    ----------
-    points : ndarray, shape (n_points, 3)
-        [m].
-    triangles : ndarray, shape (n_triangles, 3)
-        Positions in ``points``.
-    fields : mapping of str to ndarray, shape (n_points, …)
-        By their names.
-    """
+    """Write points (n, 3) [m], triangles (m, 3) and fields at the points (n, …) by their names as ``.vtu``."""
     with whole_file(path) as part:
         meshio.Mesh(points, [("triangle", triangles)], point_data=dict(fields)).write(part)
 

@@ -28,10 +28,7 @@ if TYPE_CHECKING:
 def require_free_body(path: Path, model: FEModel) -> None:
     """Check that rigid motions of a body cause no forces, and that its mass and its speed of sound are some matter's.
 
-    Parameters
-    ----------
-    path : Path
-        File of the stiffness, for messages.
+    Messages name ``path``, the file of the stiffness.
 
     Raises
     ------

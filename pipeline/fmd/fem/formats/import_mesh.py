@@ -123,14 +123,8 @@ def link_taken(
 ) -> SolidMesh:
     """Return the mesh of what was taken of a file, with the file's links between its nodes.
 
-    Parameters
-    ----------
-    taken : tuple
-        What isn't solid, and the number that each of the file's points has in it, -1 of no element.
-    finish : callable
-        Makes the mesh of it.
-    scale, units
-        The file's unit of length [m], and those of mass [kg] and force [N].
+    What was taken isn't solid, and comes with the number that each of the file's points has in it, -1 of no element;
+    ``finish`` makes the mesh of it. The file's units are of length [m], mass [kg] and force [N].
     """
     own, place = taken
     links = connections_in_si(raw.connections, raw.points * scale, place, scale, *units)
@@ -177,10 +171,7 @@ def solid_mesh(
 def place_solids(raw: RawMesh, scale: float, repair: bool, joined: Sequence[IntArray]) -> tuple[SolidMesh, IntArray]:
     """Return the mesh of the solids, and the number of each point of the file in it, -1 of none.
 
-    Parameters
-    ----------
-    joined : sequence of ndarray
-        Points of each thing that joins pieces of the mesh.
+    Each array of ``joined`` has the points of something that joins pieces of the mesh.
 
     Raises
     ------

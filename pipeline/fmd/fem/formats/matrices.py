@@ -141,12 +141,7 @@ def _nodes_of_deck(path: Path, read: Callable[[str], RawMesh]) -> tuple[IntArray
 
 
 def node_marker(model: MatrixModel, nodes: IntArray, rigid: bool = False) -> Marker:
-    """Attach a marker to nodes of equal weight, since there are no areas without elements.
-
-    Parameters
-    ----------
-    nodes : ndarray, shape (n,)
-        Node numbers in the other program.
+    """Attach a marker to nodes, by the other program's numbers; all have one weight, as there are no areas.
 
     Raises
     ------

@@ -16,21 +16,10 @@ SUFFIXES = (".mtx", ".npz", ".txt")
 
 
 def write_matrices(path: Path, fe: FEModel, labels: IntArray) -> list[Path]:
-    """Write stiffness, mass and nodes of a body; the stiffness has the path itself, the others' names end by theirs.
+    """Write stiffness [N/m], mass [kg] and nodes [m] of a body, and return the files.
 
-    Parameters
-    ----------
-    path : Path
-        File of the stiffness [N/m]; its suffix, one of `SUFFIXES`, is the format of both matrices.
-    fe : FEModel
-        The finite element model; unknown ``3 i + a`` is node i along axis a.
-    labels : ndarray, shape (n_nodes,)
-        Node numbers.
-
-    Returns
-    -------
-    list of Path
-        Stiffness, mass [kg] and nodes [m].
+    The stiffness has the path itself, whose suffix, one of `SUFFIXES`, is the format of both matrices; the others'
+    names end by theirs. Unknown ``3 i + a`` is node i along axis a; labels (n_nodes,) are the nodes' numbers.
     """
     mass = path.with_name(f"{path.stem}-mass{path.suffix}")
     for place, A in ((path, fe.K), (mass, fe.M)):

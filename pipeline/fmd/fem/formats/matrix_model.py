@@ -61,17 +61,9 @@ class MatrixModel(FEModel):
         return None if self.fields is None else self.fields.surface
 
     def stress_of(self, shapes: Array) -> Array:
-        """Return the stress at the surface's nodes for displacements of all points.
+        """Return the stress (n_surface, 6, n) at the surface's nodes for displacements (n_points, 3, n) of all points.
 
-        Parameters
-        ----------
-        shapes : ndarray, shape (n_points, 3, n)
-            Displacements.
-
-        Returns
-        -------
-        ndarray, shape (n_surface, 6, n)
-            xx, yy, zz, yz, xz, xy [Pa per unit of the displacement].
+        Components are xx, yy, zz, yz, xz, xy [Pa per unit of the displacement].
 
         Raises
         ------
@@ -107,10 +99,7 @@ class MatrixModel(FEModel):
     def loads_of_nodes(self, forces: Array, length: float) -> Array:
         """Return loads of nodes by forces on points (n_points, 3), shape (n_nodes, 3), or (n_nodes, 6) with moments.
 
-        Parameters
-        ----------
-        length : float
-            Unit of the arms of moments [m].
+        Arms of moments have the unit ``length`` [m].
         """
         return forces
 

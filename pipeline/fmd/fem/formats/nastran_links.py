@@ -125,12 +125,7 @@ class NastranLinks:
     def connections(self, case_control: str, has_bulk_line: bool, place: Mapping[int, int]) -> Connections:
         """Return all connections, of places of points where cards have numbers.
 
-        Parameters
-        ----------
-        case_control : str
-            Text before the bulk data, which selects the equations.
-        has_bulk_line : bool
-            True if there is case control; else a single set of equations holds.
+        The case control selects the equations; without a line that begins the bulk data a single set of them holds.
         """
         springs = []
         for label, points, directions, given in self._springs:

@@ -11,12 +11,9 @@ from fmd.core.arrays import Array, IntArray
 
 
 def read_obj(path: Path) -> tuple[Array, IntArray]:
-    """Read an OBJ file.
+    """Read points (n, 3), in the file's unit, and corners of triangles (m, 3) of an OBJ file.
 
-    Returns
-    -------
-    tuple of ndarray, shapes (n_points, 3) and (n_triangles, 3)
-        Points in the file's unit, and the corners of each triangle; faces of more corners are cut from their first.
+    Faces of more corners are cut from their first.
 
     Raises
     ------

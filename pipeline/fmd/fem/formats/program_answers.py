@@ -27,14 +27,8 @@ _READERS: dict[str, Callable[[str], ProgramFields]] = {".frd": read_frd, ".csv":
 def read_stress(model: MatrixModel, path: Path, nodes: Path, units: tuple[float, float]) -> MatrixModel:
     """Return a body with the stress of displacements from a file.
 
-    Parameters
-    ----------
-    path : Path
-        CalculiX's results (``.frd``), or rows of case, node, displacements and stresses (``.csv``).
-    nodes : Path
-        The body's nodes; a deck's elements give the surface.
-    units : tuple of float
-        The file's units of length [m] and stress [Pa].
+    The file is CalculiX's results (``.frd``), or rows of case, node, displacements and stresses (``.csv``), in units of
+    length [m] and stress [Pa]. If the body's nodes are in a deck, its elements give the surface.
 
     Raises
     ------
@@ -79,12 +73,8 @@ def _surface(model: MatrixModel, nodes: Path, known: IntArray) -> tuple[SurfaceT
 def read_geometric_stiffness(model: MatrixModel, paths: Sequence[Path], units: tuple[float, float]) -> MatrixModel:
     """Return a body with its geometric stiffness under the loads of some files, one load each.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Matrices in any of the formats of `read_matrices`: geometric stiffness alone, or with the stiffness in it.
-    units : tuple of float
-        The files' units of length [m] and stiffness [N/m].
+    They are in any of the formats of `read_matrices`, of geometric stiffness alone or with the stiffness in it, in
+    units of length [m] and stiffness [N/m].
 
     Raises
     ------

@@ -72,10 +72,7 @@ def read_csv_fields(text: str) -> ProgramFields:
 def read_point_stress(text: str) -> list[list[str]]:
     """Read the stress at the points of integration of each step of CalculiX's ``.dat``, as lines of initial stress.
 
-    Returns
-    -------
-    list of list of str
-        For each step ``element,point,xx,yy,zz,xy,xz,yz`` as `*INITIAL CONDITIONS` takes them.
+    They are ``element,point,xx,yy,zz,xy,xz,yz`` as `*INITIAL CONDITIONS` takes them.
     """
     steps, time = list[list[str]](), ""
     for line in text.splitlines():

@@ -119,13 +119,7 @@ def find_inside_out(points: Array, cells: IntArray, cell_type: str) -> IntArray:
 def straighten_cells(points: Array, cells: IntArray, cell_type: str, chosen: IntArray) -> tuple[Array, int, float]:
     """Straighten the edges of chosen cells, and of cells that this turns inside out.
 
-    Returns
-    -------
-    points : ndarray
-    n_cells : int
-        Number of cells straightened.
-    moved : float
-        Largest displacement of a node.
+    Returns the points, how many cells were straightened, and the largest displacement of a node.
     """
     points, done = points.copy(), np.zeros(len(cells), dtype=bool)
     before = points.copy()

@@ -147,12 +147,7 @@ def orientation_direction(options: Mapping[str, str], data: list[list[str]]) -> 
 def abaqus_section(
     options: Mapping[str, str], data: list[list[str]], directions: Mapping[str, Array | str]
 ) -> ShellSection:
-    """Return the section of Abaqus' ``*SHELL SECTION``.
-
-    Parameters
-    ----------
-    directions : mapping of str to ndarray or str
-        Of the deck's orientations above it, by their names in small letters.
+    """Return the section of Abaqus' ``*SHELL SECTION``; orientations above it are by their names in small letters.
 
     Raises
     ------

@@ -41,12 +41,7 @@ class SixUnknownsModel(MatrixModel):
         return np.asarray(self.shown @ super().unknowns(shapes))
 
     def given(self, A: sp.csr_array, length: float) -> sp.csr_array:
-        """Return another matrix (6 n_nodes, 6 n_nodes) of the files by these unknowns.
-
-        Parameters
-        ----------
-        length : float
-            The files' unit of length [m].
+        """Return another matrix (6 n_nodes, 6 n_nodes) of files with a unit of length [m] by these unknowns.
 
         Raises
         ------

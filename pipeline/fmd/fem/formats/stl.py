@@ -15,12 +15,7 @@ _VERTEX = re.compile(rb"vertex\s+" + rb"\s+".join([_NUMBER] * 3))
 
 
 def read_stl(path: Path) -> tuple[Array, IntArray]:
-    """Read an STL file.
-
-    Returns
-    -------
-    tuple of ndarray, shapes (n_points, 3) and (n_triangles, 3)
-        Points in the file's unit, equal ones once, and the corners of each triangle.
+    """Read points (n, 3), in the file's unit, equal ones once, and corners of triangles (m, 3) of an STL file.
 
     Raises
     ------

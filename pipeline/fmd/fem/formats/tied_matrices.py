@@ -25,12 +25,9 @@ _Connection = TypeVar("_Connection", RigidConnection, MeanConnection)
 
 
 def tie_matrices(model: SixUnknownsModel, deck: Connections) -> SixUnknownsModel:
-    """Return the model of matrices whose points rigid and average connections join.
+    """Return the model of matrices whose points rigid and average connections join, by their numbers in the model.
 
-    Parameters
-    ----------
-    deck : Connections
-        Of points numbered as the model's nodes. Masses and springs are in the matrices.
+    Masses and springs are in the matrices.
 
     Raises
     ------

@@ -57,12 +57,9 @@ def has_zig() -> bool:
 
 
 def build_binaries(sources: Mapping[str, str], identifier: str) -> dict[str, bytes]:
-    """Compile C sources to shared libraries for all systems by Zig, or without it for this one.
+    """Compile C sources to shared libraries by the names of their systems, for all by Zig, or without it for this one.
 
-    Returns
-    -------
-    dict of str to bytes
-        Libraries by the names of their systems; none without any compiler.
+    Without any compiler there are none.
 
     Raises
     ------

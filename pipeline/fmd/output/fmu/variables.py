@@ -52,18 +52,10 @@ class Interface:
 def make_interface(
     external: ExternalMechanism, point_loads: list[str], q0: Array, v0: Array, nominal: Array, tolerance: float
 ) -> Interface:
-    """Name all variables of a mechanism.
+    """Name all variables of a mechanism, whose loads at points are made by the drives ``point_loads``.
 
-    Parameters
-    ----------
-    point_loads : list of str
-        Names of the drives that make the mechanism's loads at points.
-    q0, v0 : ndarray, shapes (n_positions,) and (n,)
-        Start.
-    nominal : ndarray, shape (n_positions + n,)
-        Size of each state.
-    tolerance : float
-        Of a step of the co-simulation.
+    It starts at q0 and v0, states have sizes ``nominal`` (n_positions + n,), and a step of the co-simulation a
+    tolerance.
     """
     names = Names(external)
     own = names.own_inputs(point_loads)

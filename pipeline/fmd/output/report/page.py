@@ -31,18 +31,10 @@ _PACKAGE = "fmd.output.report"
 def write_report(
     solved: SolvedScene, path: Path, overrides: Sequence[str] = (), budget: bool = True, brief: bool = False
 ) -> None:
-    """Compute all that a scene lists, and write it as one page.
+    """Compute all that a scene lists, and write it as one page, or the answer on one sheet, with or without errors.
 
-    Parameters
-    ----------
-    path : Path
-        The file, in a folder that is made if it is missing; it appears whole or not at all.
-    overrides : sequence of str
-        Values that were set on the command line; the page's last line repeats them.
-    budget : bool
-        True to estimate the errors of the results.
-    brief : bool
-        True for the answer on one sheet, False for all results.
+    The file, in a folder that is made if it is missing, appears whole or not at all. Its last line repeats the values
+    that were set on the command line.
 
     Raises
     ------

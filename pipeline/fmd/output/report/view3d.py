@@ -31,18 +31,9 @@ _REACHED = 1.05  # of the mechanism's reach from its middle is shown at first
 def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
     """Collect the bodies of a run, their places and deformation over its motion, and their stress.
 
-    Parameters
-    ----------
-    scale : float
-        Factor on the deformation when the page is opened.
-    camera : Camera
-        Gives the direction at first, and the colours.
-
-    Returns
-    -------
-    dict
-        As `describe_mechanism` gives it, with the number of the worst instant's frame, and ``spans`` [MPa], the limits
-        that the colours can have in each frame, by their names in `film_limits`.
+    The page is opened with the deformation times ``scale``, seen from the camera's direction and in its colours. The
+    result is as of `describe_mechanism`, with the number of the worst instant's frame, and ``spans`` [MPa], the limits
+    that the colours can have in each frame, by their names in `film_limits`.
     """
     times = run.motion.times
     meshed = [name for name, part in run.wholes.items() if part.is_drawn]

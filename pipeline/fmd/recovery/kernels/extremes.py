@@ -65,20 +65,11 @@ def principal_stresses(xx: float, yy: float, zz: float, yz: float, xz: float, xy
 
 @kernel
 def take_extremes(tensors: Array, first: int, squares: Array, means: Array, extremes: Array, frames: IntArray) -> None:
-    """Take the output times of a block into extremes.
+    """Take the output times of a block, from number ``first`` on, into extremes.
 
-    Parameters
-    ----------
-    tensors : ndarray, shape (n_nodes, 6, n_frames)
-        xx, yy, zz, yz, xz, xy of the block [Pa].
-    first : int
-        Number of the block's first output time.
-    squares, means : ndarray, shape (n_frames,)
-        Room to work in.
-    extremes : ndarray, shape (n_nodes, 3)
-        Largest square of the von Mises stress, largest and smallest principal stress so far.
-    frames : ndarray, shape (n_nodes, 3)
-        Numbers of the output times at which they occur first.
+    Tensors (n_nodes, 6, n_frames) are the block's xx, yy, zz, yz, xz, xy [Pa]. Extremes so far (n_nodes, 3) are the
+    largest square of the von Mises stress, the largest and the smallest principal stress; frames are the numbers of the
+    output times at which they occur first. Squares and means (n_frames,) are room to work in.
     """
     n_frames = tensors.shape[2]
     for node in range(tensors.shape[0]):

@@ -45,14 +45,9 @@ def damage_of_planes(
 ) -> None:
     """Fill the largest damage (n_nodes,) by the normal stress on any plane, and the plane's number (n_nodes,).
 
-    Parameters
-    ----------
-    tensors : ndarray, shape (n_nodes, 3, n)
-        Stress in the surface [Pa]: along its two axes, and the shear stress between them.
-    directions : ndarray, shape (n_planes, 3)
-        What gives a plane's normal stress from these: ``cos² α, sin² α, 2 sin α cos α``.
-    history, room : ndarray, shapes (n,) and (5, n)
-        To work in.
+    Tensors (n_nodes, 3, n) are of stress in the surface [Pa]: along its two axes, and the shear stress between them,
+    from which directions ``cos² α, sin² α, 2 sin α cos α`` (n_planes, 3) give a plane's normal stress. History (n,) and
+    room (5, n) are to work in.
     """
     n = tensors.shape[2]
     for node in range(tensors.shape[0]):
@@ -74,16 +69,8 @@ def damage_by_findley(
     """Fill the largest damage (n_nodes,) by Findley's parameter on any plane, and the plane's number (n_nodes,).
 
     Planes 2i stand on the surface, planes 2i + 1 lean by the angle at which a stress along i alone is worst; both have
-    the azimuth i. Of the shear stress of a leaning plane three directions are counted.
-
-    Parameters
-    ----------
-    tensors : ndarray, shape (n_nodes, 3, n)
-        Stress in the surface [Pa]: along its two axes, and the shear stress between them.
-    directions : ndarray, shape (n_azimuths, 3)
-        ``cos² α, sin² α, 2 sin α cos α``, which give a normal stress.
-    work, room : ndarray, shapes (4, n) and (5, n)
-        To work in.
+    the azimuth i. Of the shear stress of a leaning plane three directions are counted. Tensors and directions
+    (n_azimuths, 3) are as for `damage_of_planes`; work (4, n) and room (5, n) are to work in.
     """
     n = tensors.shape[2]
     along, shear, across, slipping = work[0], work[1], work[2], work[3]

@@ -42,15 +42,10 @@ def keep_reversals(history: Array, reversals: Array) -> int:
 
 @kernel
 def count_rainflow(history: Array, stack: Array, cycles: Array) -> int:
-    """Count the cycles of a history and return how many ranges there are.
+    """Count the cycles of a history (n,) and return how many ranges there are.
 
-    Parameters
-    ----------
-    history : ndarray, shape (n,)
-    stack : ndarray, shape (2, n)
-        Room to work in.
-    cycles : ndarray, shape (3, n)
-        Filled: where each range begins and ends, and 1 for a cycle or 0.5 for half of one.
+    Filled are cycles (3, n): where each range begins and ends, and 1 for a cycle or 0.5 for half of one. The stack (2,
+    n) is room to work in.
     """
     return rainflow(history, stack, cycles)
 
@@ -104,13 +99,9 @@ def largest_within(history: Array, values: Array, start: int, end: int) -> float
 def equivalent_amplitude(amplitude: float, mean: float, correction: int, constant: float) -> float:
     """Return the amplitude about zero that does the same damage as one about a mean stress.
 
-    Parameters
-    ----------
-    correction : int
-        ``NO_MEAN``, ``GOODMAN`` or ``FKM``.
-    constant : float
-        Tensile strength [Pa] for Goodman's line, which lets pressure do no good; sensitivity to mean stress M for the
-        four straight lines of the FKM guideline (section 4.4.2).
+    The correction is ``NO_MEAN``, ``GOODMAN`` or ``FKM``. Its constant is the tensile strength [Pa] for Goodman's line,
+    which lets pressure do no good, or the sensitivity to mean stress M for the four straight lines of the FKM guideline
+    (section 4.4.2).
     """
     if correction == GOODMAN and mean > 0.0:
         return amplitude / (1.0 - mean / constant) if mean < constant else math.inf
@@ -146,17 +137,9 @@ def bound_damage(stresses: Array, points: Array, law: Array, damage: Array) -> N
 
     A turning point ends one whole cycle, or two halves. Amplitude and mean of a cycle add up to the larger of its two
     points by size; by any correction it does no more damage than the cycle about zero that reaches this, unless it
-    reaches Goodman's tensile strength. So the sum over all points is a bound.
-
-    Parameters
-    ----------
-    stresses : ndarray, shape (n_nodes, n_stretches)
-        Bound of the stress by size in each stretch of time [Pa].
-    points : ndarray, shape (n_stretches,)
-        Number of output times in each.
-    law : ndarray, shape (7,)
-        See `history_damage`.
-    damage : ndarray, shape (n_nodes,)
+    reaches Goodman's tensile strength. So the sum over all points is a bound. Stresses (n_nodes, n_stretches) bound
+    those by size in each stretch of time [Pa], of which points (n_stretches,) are output times; for the law see
+    `history_damage`.
     """
     for node in range(stresses.shape[0]):
         damage[node] = 0.0
@@ -168,17 +151,10 @@ def bound_damage(stresses: Array, points: Array, law: Array, damage: Array) -> N
 
 @inner
 def history_damage(history: Array, law: Array, room: Array) -> float:
-    """Return Miner's sum over a history.
+    """Return Miner's sum over a history of stress (n,) [Pa].
 
-    Parameters
-    ----------
-    history : ndarray, shape (n,)
-        Stress [Pa].
-    law : ndarray, shape (7,)
-        Correction for mean stress and its constant; amplitude [Pa] and cycles at the knee; slope above and below it;
-        Findley's coefficient.
-    room : ndarray, shape (5, n)
-        To work in.
+    The law (7,) has the correction for mean stress and its constant; amplitude [Pa] and cycles at the knee; slope above
+    and below it; Findley's coefficient. Room (5, n) is to work in.
     """
     cycles, total, correction = room[2:], 0.0, int(law[0])
     n = rainflow(history, room[:2], cycles)
@@ -195,14 +171,8 @@ def findley_damage(shear: Array, normal: Array, law: Array, room: Array) -> floa
 
     The amplitude of a cycle is that of uniaxial stress about zero with the same ``τ_a + k σ_n``, which on its worst
     plane is ``σ (k + √(1 + k²))/2`` (Findley, J Eng Ind 81, 1959). Pressure on a plane does good, but no more than to
-    take all damage away.
-
-    Parameters
-    ----------
-    shear, normal : ndarray, shape (n,)
-        Stress along one direction of the plane and across it [Pa].
-    law, room
-        Those of `history_damage`.
+    take all damage away. Shear (n,) is along one direction of the plane [Pa]; law and room are those of
+    `history_damage`.
     """
     cycles, total, k_normal = room[2:], 0.0, law[6]
     uniaxial = 0.5 * (k_normal + math.sqrt(1.0 + k_normal * k_normal))

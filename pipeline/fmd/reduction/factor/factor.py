@@ -96,12 +96,8 @@ class Factor:
 def factorise(A: Any, solver: Solver = "auto") -> Factor:
     """Factorise a symmetric positive definite matrix by the fastest solver installed, or by a named one.
 
-    Parameters
-    ----------
-    A : sparse array, shape (n, n)
-        If n is a multiple of three, so are the places of each node's unknowns.
-    solver : str
-        ``cholesky`` is cvxopt's CHOLMOD, ``superlu`` SciPy's; ``auto`` takes the faster of those installed.
+    ``cholesky`` is cvxopt's CHOLMOD, ``superlu`` SciPy's; ``auto`` takes the faster of those installed. If n of A (n,
+    n) is a multiple of three, so are the places of each node's unknowns.
 
     Raises
     ------

@@ -45,10 +45,7 @@ def write_mbdyn(path: Path, data: ModalData) -> None:
 def inertia_points(data: ModalData) -> tuple[float, Array, Array]:
     """Point masses with all first and second integrals of a body's positions and shapes.
 
-    Returns
-    -------
-    (float, ndarray, ndarray), shapes (n_points, 3) and (n_points, 3, n)
-        Mass of each point, their positions and shapes.
+    Returns the mass of each point, their positions (n_points, 3) and shapes (n_points, 3, n).
     """
     products = function_products(data)
     mass = products[0, 0]

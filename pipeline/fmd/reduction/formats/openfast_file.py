@@ -23,12 +23,8 @@ _INTERFACE = 6
 def write_extptfm(path: Path, element: Superelement, gravity: Array) -> list[Path]:
     """Write a superelement of one interface, and the input file of OpenFAST's module ExtPtfm that names it.
 
-    Parameters
-    ----------
-    path : Path
-        File of the superelement; the input file beside it has ``_ExtPtfm`` in its name.
-    gravity : ndarray, shape (3,)
-        Gravity, which OpenFAST takes from the file's loads [m/s²].
+    The input file, beside that of the superelement, has ``_ExtPtfm`` in its name. OpenFAST takes gravity from the
+    file's loads [m/s²].
 
     Raises
     ------

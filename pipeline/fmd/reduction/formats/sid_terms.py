@@ -80,17 +80,11 @@ def sid_terms(data: ModalData) -> dict[str, Taylor]:
 
 
 def modal_data_of(mass: float, terms: Mapping[str, Taylor], nodes: Mapping[str, MarkerShapes]) -> ModalData:
-    """Recover a body's inertia integrals from the terms of its equations of motion.
+    """Recover a body's inertia integrals from its mass [kg] and the terms `PARTS` of its equations of motion.
 
-    They are taken from Oe, Ge, Cr, Ct, J and mdCM. Gr and the first orders of mdCM and J hold nothing more: where a
-    file has something else there, a note of the body says so, since only one of both can be right.
-
-    Parameters
-    ----------
-    mass : float
-        Mass [kg].
-    terms : mapping of str to Taylor
-        The terms `PARTS`; J may be a matrix or the vector xx, yy, zz, xy, xz, yz.
+    They are taken from Oe, Ge, Cr, Ct, J and mdCM; J may be a matrix or the vector xx, yy, zz, xy, xz, yz. Gr and the
+    first orders of mdCM and J hold nothing more: where a file has something else there, a note of the body says so,
+    since only one of both can be right.
 
     Raises
     ------

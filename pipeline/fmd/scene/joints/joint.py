@@ -90,10 +90,7 @@ class JointTable(SceneTable):
     def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
         """Return coordinates and rates at the start; of a rotation in space that starts at none the rates alone.
 
-        Parameters
-        ----------
-        into_child : ndarray, shape (3, 3)
-            Rotation from the joint's axes into those of the child's body.
+        ``into_child`` (3, 3) turns the joint's axes into those of the child's body.
         """
         coordinates, rates = (np.hstack([getattr(self, key) for key in keys] or [[]]) for keys in self.start_keys)
         return coordinates.tolist(), rates.tolist()

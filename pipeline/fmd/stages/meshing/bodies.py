@@ -181,10 +181,7 @@ def lamina_of(table: LaminaTable) -> Lamina:
 def find_name(names: Mapping[str, IntArray], given: str, file: str, key: str) -> str:
     """Return a face's or a part's name as the mesh has it; upper and lower case may differ.
 
-    Parameters
-    ----------
-    file, key : str
-        Where the scene gives it; the key of a part ends with ``part``.
+    The scene gives it in a file under a key, which ends with ``part`` for a part.
 
     Raises
     ------
