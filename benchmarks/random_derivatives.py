@@ -1,7 +1,7 @@
 """Tangents and adjoints of random scenes without friction beside extrapolated differences of whole marches.
 
 Run from the project's root: ``python benchmarks/random_derivatives.py SEED …``; seeds that random_derivatives.csv has
-are not computed again. Each has a process of its own, which ends after 240 processor seconds. Scenes are those of
+are not computed again. Each has a process of its own, which ends after 900 processor seconds. Scenes are those of
 `truth_scenes`, over a fifth of their duration, or 1,000 of the longest stable steps, by each method in turn;
 numbers are up to four of all that a scene has.
 Results are the tip's position and the kinetic energy. Marches of scenes solved anew at eight values of a number or more
@@ -41,7 +41,7 @@ from fmd.output.channels import ResultChannel
 
 TABLE = HERE / "random_derivatives.csv"
 COLUMNS = ("seed", "kind", "features", "method", "numbers", "lacking", "apart", "noise", "stated", "adjoint", "remark")
-SECONDS, PART, NUMBERS = 240, 0.2, 4
+SECONDS, PART, NUMBERS = 900, 0.2, 4
 FAST = 0.3  # fast step of sub-cycling over the longest stable one: others need not be looked for
 MOST_STEPS = 1000  # of the largest stable length, to which a scene is shortened
 SHARE, HALVINGS = 8e-3, 10  # of a number, below and above which it is marched, and how often this is halved at most

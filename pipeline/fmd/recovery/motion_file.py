@@ -237,10 +237,12 @@ def gear_variables(motion: Motion) -> Iterator[Variable]:
             yield Variable(f"{own.name}.transmission_error", motion.kinematics.strain(own)[0][:, 0], (), "m", text)
 
 
-def joint_variables(motion: Motion) -> Iterator[Variable]:
-    """Variables of each joint that moves."""
+def joint_variables(motion: Motion, only: str | None = None) -> Iterator[Variable]:
+    """Variables of each joint that moves, or of one alone."""
     for k, link in enumerate(motion.mechanism.links):
         joint = link.joint_name
+        if only not in (None, joint):
+            continue
         if link.unit:
             position, rate = motion.kinematics.along_joint(k)
             yield Variable(f"{joint}.position", position, (), link.unit, f"position of joint {joint}")

@@ -23,8 +23,8 @@ _MARKERS = {
 
 def coordinate_variables(motion: Motion, joints: Sequence[str], rates: bool) -> list[Variable]:
     """Return positions, or rates, of some joints; joints without a coordinate have none."""
-    found = {name: [at for at in joint_variables(motion) if at.name.rpartition(".")[0] == name] for name in joints}
-    return [at for own in found.values() for at in own if (at.name.rpartition(".")[2] in _RATES) is rates]
+    found = (at for name in dict.fromkeys(joints) for at in joint_variables(motion, name))
+    return [at for at in found if (at.name.rpartition(".")[2] in _RATES) is rates]
 
 
 def reaction_variables(motion: Motion, joints: Sequence[str], in_body: bool) -> Iterator[Variable]:
