@@ -92,8 +92,15 @@ def whole_file(path: Path) -> Iterator[Path]:
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     remove_abandoned(path.parent, f".{escape(path.stem)}.*{escape(path.suffix)}")
+    with renamed_file(path) as part:
+        yield part
+
+
+@contextmanager
+def renamed_file(path: Path) -> Iterator[Path]:
+    """Lend a temporary name beside ``path`` as `whole_file` does, of a file among very many in a folder of our own."""
+    part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         yield part
         os.replace(part, path)

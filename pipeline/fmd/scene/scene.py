@@ -247,15 +247,15 @@ def _tables_by_path(tables: Mapping[str, Any]) -> dict[tuple[str, ...], Any]:
 
 def _are_same(one: Any, other: Any) -> bool:
     """Tell whether what was read is the same; 1, 1.0 and true are equal, and so are 0.0 and -0.0, but not the same."""
-    if type(one) is not type(other):
-        return False
+    if one is other or type(one) is not type(other):
+        return one is other
     if isinstance(one, dict):
         return [*one] == [*other] and all(map(_are_same, one.values(), other.values()))
     if isinstance(one, list):
         return len(one) == len(other) and all(map(_are_same, one, other))
     if isinstance(one, float):
         return bool(one.hex() == other.hex())
-    return one is other or (isinstance(one, str | int) and one == other)
+    return isinstance(one, str | int) and one == other
 
 
 def _table_at(scene: Scene, path: tuple[str, ...]) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
+from copy import copy, deepcopy
 from dataclasses import dataclass
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -13,7 +13,7 @@ from typing import Any
 from fmd.core.errors import InputError
 from fmd.scene.inheritance import complete_bodies, find_template, move_files
 from fmd.scene.reading import Fault, Place, find_caller, join_errors, suggest_name
-from fmd.scene.toml_files import copy_tables, find_scene, list_ready_scenes, parse_value, read_with_lines
+from fmd.scene.toml_files import find_scene, list_ready_scenes, parse_value, read_with_lines
 from fmd.scene.toml_lines import KeyPath
 
 _SET = "--set"
@@ -33,7 +33,7 @@ class SceneSource:
 
     def with_values(self, overrides: Sequence[str]) -> SceneSource:
         """Return a scene that was read, with values instead of its own, and with what bodies have from others."""
-        data, places = copy_tables(self.data), dict(self.places)
+        data, places = dict(self.data), dict(self.places)
         for text in overrides:
             _place_value(places, _set_value(data, text, _SET), (_SET, None))
         whole = complete_bodies(data, self.file)
@@ -156,7 +156,7 @@ def _find_base(file: str, folder: Path, given: object) -> Traversable:
 
 
 def _set_value(data: dict[str, Any], text: str, where: str) -> KeyPath:
-    """Set a value given as ``body.beam.length=300mm`` in the tables and return the path of its key."""
+    """Set a value given as ``body.beam.length=300mm`` in copies of the tables that lead to it; return its path."""
     dotted, equals, given = (part.strip() for part in text.partition("="))
     *tables, last = dotted.split(".")
     if not equals or not all((*tables, last)):
@@ -168,6 +168,7 @@ def _set_value(data: dict[str, Any], text: str, where: str) -> KeyPath:
         if depth > 1 and isinstance(node, dict) and part not in node:
             _copy_from(template, node, part)  # a body that is like another has the other's keys
         path += (_find_key(where, dotted, node, part),)
+        node[path[-1]] = copy(node[path[-1]])  # other points of a sweep have what the value is set in, too
         node = node[path[-1]]
         if depth > 1:
             template = template.get(part) if isinstance(template, dict) else None

@@ -11,6 +11,7 @@ from fmd.scene.reading import Fault
 from fmd.scene.toml_lines import KeyPath
 
 _TOLERANCE = re.compile(r"\s*([-+]?[0-9.].*?)\s*(?:±|\+/-|\+-)\s*(.*?)\s*")
+_MARKS = ("±", "+/-", "+-")
 _TEXTS = ("title", "source")
 
 
@@ -22,8 +23,22 @@ def split_tolerances(tables: Mapping[str, Any]) -> tuple[dict[str, Any], dict[st
     """
     found: dict[str, float] = {}
     faults: list[Fault] = []
-    whole = {key: table if key in _TEXTS else _split(table, (key,), found, faults) for key, table in tables.items()}
+    whole = {  # to look for the marks in a whole table's text takes a tenth of the time of looking through its values
+        key: _split(table, (key,), found, faults) if key not in _TEXTS and _has_mark(_text_of(table)) else table
+        for key, table in tables.items()
+    }
     return whole, found, faults
+
+
+def _text_of(table: Any) -> str:
+    try:
+        return repr(table)
+    except ValueError:  # an integer of more digits than are written, which a check refuses
+        return _MARKS[0]
+
+
+def _has_mark(text: str) -> bool:
+    return any(mark in text for mark in _MARKS)
 
 
 def _split(node: Any, path: KeyPath, found: dict[str, float], faults: list[Fault]) -> Any:
@@ -33,8 +48,7 @@ def _split(node: Any, path: KeyPath, found: dict[str, float], faults: list[Fault
         if isinstance(node, Mapping):
             return {key: _split(value, (*path, key), found, faults) for key, value in node.items()}
         return node
-    # To look for the marks takes a tenth of the time of the expression.
-    match = _TOLERANCE.fullmatch(node) if "±" in node or "+/-" in node or "+-" in node else None
+    match = _TOLERANCE.fullmatch(node) if _has_mark(node) else None
     if match is None:
         return node
     try:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from fmd.core.files import write_json
+from fmd.core.files import renamed_file
 from fmd.output.error_table import NO_BUDGET
 
 STATUSES = ("ok", "refused", "failed")
@@ -85,7 +85,8 @@ def interrupted_record(message: str) -> Record:
 
 def write_record(record: Record, path: Path) -> None:
     """Write a record to a file that appears whole; raises ``OSError``."""
-    write_json(path, asdict(record))
+    with renamed_file(path) as part:
+        part.write_text(json.dumps(vars(record), allow_nan=False))
 
 
 def read_record(path: Path) -> Record | None:

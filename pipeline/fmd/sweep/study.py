@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
+from fmd.core.files import remove_abandoned
 from fmd.core.progress import Monitor, silent
 from fmd.scene.scene import Scene
 from fmd.sweep.points import Point, Variation
@@ -71,6 +72,8 @@ def run_sweep(
     kept = {key: read_record(folder / f"{key}.json") for key in scenes}
     known = {key: own for key, own in kept.items() if own is not None and not own.lacks(wanted)}
     missing = {key: scene for key, scene in scenes.items() if key not in known}
+    folder.mkdir(parents=True, exist_ok=True)
+    remove_abandoned(folder, ".*.*.json")
     had = {key: own for key in missing if (own := kept[key]) is not None}
     with monitor(f"{len(missing)} points") as advance:
         for number, (key, computed) in enumerate(compute(missing) if missing else (), start=1):
