@@ -132,7 +132,7 @@ class Row:
         The value is stated within its total. Half of a total that one source makes up is a known correction, and the
         truth then lies about the better value, no farther from it than the value does.
         """
-        if self.is_lower_bound:
+        if self.why:
             return None
         size, moved = max(self.value, self.better), abs(self.better - self.value)
         half = max(self.total * size - moved, moved)
@@ -169,11 +169,6 @@ class Row:
     def numerical(self) -> float:
         """Stated relative error without the model's: the distance to the exact solution of the model as it is."""
         return self._stated(NUMERICAL)
-
-    @property
-    def is_lower_bound(self) -> bool:
-        """True if an estimate is missing, so that the stated error is a part of the whole."""
-        return bool(self.why)
 
     @property
     def dominant(self) -> str:

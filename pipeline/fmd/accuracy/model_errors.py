@@ -36,6 +36,8 @@ from fmd.stages.pipeline import Pipeline
 if TYPE_CHECKING:
     from fmd.accuracy.comparison import Comparison
 
+_SUMS_OVER_MASSES = ("centre_of_mass", "momentum", "angular_momentum")
+
 
 @dataclass(frozen=True)
 class ModelError:
@@ -188,7 +190,7 @@ class ModelErrors:
             error, shift = error_in_frame(run, name), self._shift_of_eigenvalues(name)
             ratio, squared = max(ratio, error / shift if shift else 0.0), max(squared, error**2)
         for name, change in self._by_shift.items():
-            if of_motion[name].kind == "displacement" and not _is_sum_over_masses(name):
+            if of_motion[name].kind == "displacement" and name not in _SUMS_OVER_MASSES:
                 errors[name] = min(errors[name], ratio * change + squared if change else 0.0)
         return errors
 
@@ -289,11 +291,6 @@ class ModelErrors:
             if scene is None
             else self._changes(self._run.variant(scene, stiffening_loads=self._run.stiffening_loads))
         )
-
-
-def _is_sum_over_masses(name: str) -> bool:
-    """Return true for the momentum or the centre of mass, by their names."""
-    return name in ("centre_of_mass", "momentum", "angular_momentum")
 
 
 def _gain_by_rigid_root(run: Pipeline, rigid: Pipeline, name: str) -> tuple[Array, Array]:

@@ -85,16 +85,12 @@ def run_child(
             process.kill()
             raise
     if process.returncode:
-        raise ChildError(*_describe(process.returncode, errors), errors)
+        raise ChildError(*describe_end(process.returncode, errors), errors)
     return output
 
 
-def describe_end(status: int, errors: str) -> str:
-    """Say in a line why a process has ended, from its exit status and what it has printed on standard error."""
-    return _describe(status, errors)[0]
-
-
-def _describe(status: int, errors: str) -> tuple[str, bool]:
+def describe_end(status: int, errors: str) -> tuple[str, bool]:
+    """Say in a line why a process has ended, from status and standard error, and return whether it was too late."""
     if status < 0:
         late = hasattr(signal, "SIGALRM") and -status == signal.SIGALRM
         return (f"it died of {signal.Signals(-status).name}", late)

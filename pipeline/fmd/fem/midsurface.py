@@ -10,7 +10,7 @@ import numpy as np
 from fmd.core.arrays import Array, BoolArray, IntArray, read_only, require_finite, require_shape
 from fmd.core.limits.mesh import ALIKE_DIRECTORS
 from fmd.fem.cells.cell import SolidCell
-from fmd.fem.cells.table import shell_cell
+from fmd.fem.cells.shell import SHELLS
 
 DeckPly = tuple[str, float, float]
 """Material's name, thickness [m] and angle [rad] of a ply."""
@@ -62,4 +62,4 @@ class Midsurface:
 
     def cell(self, name: str) -> SolidCell:
         """Return the type of the layer's cells by meshio's name."""
-        return shell_cell(name)
+        return SHELLS[name]

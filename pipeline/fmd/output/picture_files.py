@@ -139,7 +139,7 @@ class DrawingProcess:
         assert self._process is not None
         status = self._process.wait()
         self._errors.seek(0)
-        reason = f"{describe_failure(describe_end(status, self._errors.read()))}; {MEND} (or run with --no-pictures)"
+        reason = f"{describe_failure(describe_end(status, self._errors.read())[0])}; {MEND} (or run with --no-pictures)"
         return InputError(self._scene_file, "output", None, f"this machine can't draw: {reason}")
 
 

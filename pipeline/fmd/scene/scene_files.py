@@ -65,11 +65,6 @@ def _mend_lost(table: str, names: Sequence[str]) -> str:
     )
 
 
-def read_source(source: str | Path | Mapping[str, Any], overrides: Sequence[str]) -> SceneSource:
-    """Read a scene and apply overrides; the arguments are those of ``fmd.scene.scene.load_scene``."""
-    return read_unchanged(source).with_values(overrides)
-
-
 def read_unchanged(source: str | Path | Mapping[str, Any]) -> SceneSource:
     """Read a scene and its base; what its bodies have from others isn't in it yet."""
     if isinstance(source, Mapping):
@@ -84,7 +79,7 @@ def with_line(error: InputError, overrides: Sequence[str]) -> InputError:
         return error
     path = tuple(int(part) if part.isdigit() else part for part in error.key.split("."))
     try:
-        file, line = read_source(error.file, overrides)._find_place(path)
+        file, line = read_unchanged(error.file).with_values(overrides)._find_place(path)
     except InputError:  # the file isn't there any more
         return error
     return InputError(file if line else error.file, error.key, error.value, error.mend, line, error.others)

@@ -42,14 +42,11 @@ class StartPose:
         table: Any = self._scene.body[body]
         return np.array(table.marker[name].at) - marker.position
 
-    def fall(self, height: float) -> tuple[float, float]:
-        """Return twice the weight [N], and the energy of a fall from a height [J], wherever to."""
-        weight = self._mechanism.mass * float(np.linalg.norm(self._mechanism.gravity))
-        return 2.0 * weight, float(self._kinematics.energies[0][0]) + weight * max(0.0, height)
-
-    def loads(self, normal: Array, height: float) -> tuple[float, float]:
-        """Return twice the weight onto a plane [N], and the energy of a fall from a height onto it [J]."""
-        weight = self._mechanism.mass * max(0.0, -float(self._mechanism.gravity @ normal))
+    def loads(self, height: float, normal: Array | None = None) -> tuple[float, float]:
+        """Return twice the weight [N], and the energy of a fall from a height [J], onto a plane or wherever to."""
+        gravity = self._mechanism.gravity
+        pull = float(np.linalg.norm(gravity)) if normal is None else max(0.0, -float(gravity @ normal))
+        weight = self._mechanism.mass * pull
         return 2.0 * weight, float(self._kinematics.energies[0][0]) + weight * max(0.0, height)
 
 
@@ -77,7 +74,7 @@ def refine_near_field(
     if contact.width is None:
         origin, R = start.frame(body)
         height = float((origin + R @ at.place - plane.position) @ plane.normal) + plane.clearance
-        half = GRID_MARGIN * at.half_width(*points.elastic, *start.loads(plane.normal, height))
+        half = GRID_MARGIN * at.half_width(*points.elastic, *start.loads(height, plane.normal))
     if half == 0.0 and asked:
         fault = "is needed: nothing falls, moves or weighs on the plane that would tell the contact's width"
         raise InputError(scene.file, f"{key}.width", None, fault)

@@ -153,7 +153,10 @@ class DividedPart:
     @property
     def unwarped_cuts(self) -> list[Cut]:
         """Cuts for which ``sections = "warping"`` has found too few motions."""
-        return self.cut.welded_once if self.whole.shape.sections == "warping" else []  # type: ignore[union-attr]
+        if self.whole.shape.sections != "warping":  # type: ignore[union-attr]
+            return []
+        cuts = self.cut.cuts  # those that are welded once
+        return [one for one in cuts if sum(np.array_equal(one.facets, each.facets) for each in cuts) == 1]
 
     @cached_property
     def at_rest(self) -> PiecesAtRest:

@@ -32,7 +32,6 @@ from fmd.fem.space import Discretisation
 from fmd.scene.any_body import Flexible
 from fmd.scene.links import FaceLink
 from fmd.scene.places import MarkerPlace
-from fmd.scene.reading import suggest_name
 from fmd.stages.meshing.bodies import find_name
 
 T = TypeVar("T")
@@ -105,17 +104,9 @@ def place_link_markers(shape: Flexible, model: Callable[[], FEModel], file: str,
         name, link = next(iter(links.items()))
         raise InputError(file, f"body.{body}.marker.{name}.link", link, "is of a deck without links")
     return {
-        name: fe.marker(_find_link(fe.references, link, file, f"body.{body}.marker.{name}.link"))
+        name: fe.marker(find_name(fe.references, link, file, f"body.{body}.marker.{name}.link", "link"))
         for name, link in links.items()
     }
-
-
-def _find_link(known: Mapping[str, T], given: str, file: str, key: str) -> str:
-    """Return the name of a link, or of a point of the deck's links; upper and lower case may differ."""
-    alike = [name for name in known if name.casefold() == given.casefold()]
-    if given not in known and len(alike) != 1:
-        raise InputError(file, key, given, f"no such link; {suggest_name(given, known, 'the links')}")
-    return given if given in known else alike[0]
 
 
 def add_links(shape: Flexible, fe: FEModel, file: str, body: str) -> FEModel:
@@ -144,7 +135,7 @@ def add_links(shape: Flexible, fe: FEModel, file: str, body: str) -> FEModel:
     at = {name: (name, link.at) for name, link in links.items()} | dict(linked.places)
     masses = list(linked.masses)
     for name, own in shape.mass.items():
-        link, place = at[_find_link(at, own.at, file, f"body.{body}.mass.{name}.at")]
+        link, place = at[find_name(at, own.at, file, f"body.{body}.mass.{name}.at", "link")]
         masses.append(
             LumpedMass(link, own.mass, place if own.centre is None else np.array(own.centre), np.diag(own.inertia))
         )

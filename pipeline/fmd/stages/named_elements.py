@@ -30,7 +30,7 @@ def number_elements(named: Mapping[str, NamedElement], mesh: AnyMesh, file: str,
     for name, element in named.items():
         chosen = np.arange(len(x))
         if element.part:
-            chosen = mesh.parts[find_name(mesh.parts, element.part, file, f"body.{body}.element.{name}.part")]
+            chosen = mesh.parts[find_name(mesh.parts, element.part, file, f"body.{body}.element.{name}.part", "part")]
         numbers[name] = int(chosen[np.linalg.norm(x[chosen] - element.at, axis=1).argmin()])
     return numbers
 

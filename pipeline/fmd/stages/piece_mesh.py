@@ -79,11 +79,6 @@ class CutPart:
         """Return the number of the piece that a marker of the whole is on."""
         return next(k for k, piece in enumerate(self.pieces) if marker in piece.own_markers)
 
-    @property
-    def welded_once(self) -> list[Cut]:
-        """Cuts without a second weld, by which warping would be common to both sides."""
-        return [one for one in self.cuts if sum(np.array_equal(one.facets, each.facets) for each in self.cuts) == 1]
-
     def weld_again(self, cut: Cut) -> tuple[CutPart, Cut]:
         """Return the part with one more weld at one of its cuts, and that weld, which closes a ring."""
         pieces, names = list(self.pieces), []

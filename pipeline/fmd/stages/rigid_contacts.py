@@ -215,7 +215,7 @@ def add_rigid_contact(
         law, slide = force_law(scene, name, contact, points, mine, None)
         origin, R = start.frame(body)
         gaps = (origin - plane.position + points.x @ R.T) @ plane.normal - points.radius + contact.clearance
-        stiffness = expected_stiffness(law, points.radius, *start.loads(plane.normal, float(gaps.min())))
+        stiffness = expected_stiffness(law, points.radius, *start.loads(float(gaps.min()), plane.normal))
         face = _points_in(name, contact.between[1])
         own = add_points(bodies[body].points, face, points, stiffness)
         plane = replace(plane, face=face, law=law, slide=slide, near_field=_near_field(points))
@@ -266,7 +266,7 @@ def _hold_points(
     (origin, R), (theirs_origin, theirs_R) = start.frame(body), start.frame(other)
     apart = float(np.linalg.norm(origin - theirs_origin))  # no fall is farther
     # Each of the two is held by itself in what steps are chosen by: both are twice as stiff.
-    stiffness = 2.0 * expected_stiffness(law, points.radius, *start.fall(apart))
+    stiffness = 2.0 * expected_stiffness(law, points.radius, *start.loads(apart))
     if pair.edges:
         stiffness *= CROSSING_EDGES / len(points.x)
     face = f"{_points_in(pair.name, mine_at)}, edges" if pair.edges else _points_in(pair.name, mine_at)

@@ -106,15 +106,15 @@ def require_values_at_start(scene: Scene, mechanism: Mechanism, q: Array) -> Non
     motion = Kinematics(mechanism, np.zeros(1), q[None], np.zeros((1, mechanism.n)))
     for function in mechanism.functions:
         if not np.isfinite(motion.effort(function)).all():
-            names = [f"drive.{name}" for name, drive in scene.drive.items() if any(_has_state(x) for _, x in drive)]
+            names = [
+                f"drive.{name}"
+                for name, drive in scene.drive.items()
+                if any(getattr(x, "state", None) for _, x in drive)
+            ]
             names += [f"controller.{name}" for name in scene.controller]
             key = names[0] if len(names) == 1 else "drive"
             what = "a formula of the motion has no finite value at the start"
             raise InputError(scene.file, key, None, f"{what} (a division by zero, or a root of a negative number)")
-
-
-def _has_state(value: object) -> bool:
-    return isinstance(value, LoadOverTime) and value.state is not None
 
 
 def _carried_by(scene: Scene, joint: str) -> str:

@@ -8,12 +8,13 @@ from typing import Protocol
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.state_formula import VARIABLE
 from fmd.dynamics.compiler.algebra import Vector3, Vector6, constants, cross, subtract, times, transpose
 from fmd.dynamics.compiler.bodies import AXES, Inertia, velocity_forces
 from fmd.dynamics.compiler.cleaning import clean_direction
 from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS, Coordinates, RestingCoordinates
 from fmd.dynamics.compiler.elements import trace_actions, trace_elongation
-from fmd.dynamics.compiler.formulas import trace_periodic_table, trace_state_formula
+from fmd.dynamics.compiler.formulas import trace_periodic_table, trace_program
 from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
 from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector
 from fmd.dynamics.compiler.joint_motion import joint_elongation, joint_grip
@@ -149,7 +150,8 @@ def trace_effort(inputs: Coordinates, frames: list[MovingFrame], effort: StateFu
         return graph.number(0.0)
     variables = [_trace_measured(inputs, frames, variable) for variable in effort.variables]
     curves = [partial(trace_periodic_table, at.knots, at.cubics, at.period) for at in effort.curves]
-    return trace_state_formula(graph, effort.codes, effort.constants, variables, curves) * effort.factor
+    found = trace_program(graph, effort.codes, effort.constants, lambda code: variables[code - VARIABLE], curves)
+    return found * effort.factor
 
 
 def _trace_measured(inputs: Coordinates, frames: list[MovingFrame], variable: Measured) -> Scalar:

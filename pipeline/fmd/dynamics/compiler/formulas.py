@@ -23,17 +23,6 @@ def trace_formula(program: Sequence[int], constants: Sequence[float], x: Scalar)
     return trace_program(x.graph, program, constants, lambda code: x)
 
 
-def trace_state_formula(
-    graph: Graph,
-    program: Sequence[int],
-    constants: Sequence[float],
-    variables: Sequence[Scalar],
-    curves: Sequence[Callable[[Scalar], Scalar]],
-) -> Scalar:
-    """Trace the value of a postfix program of `fmd.core.state_formula`."""
-    return trace_program(graph, program, constants, lambda code: variables[code - VARIABLE], curves)
-
-
 def trace_program(
     graph: Graph,
     program: Sequence[int],

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from fmd.fem.cells import hexahedron, pyramid, tetrahedron, wedge
 from fmd.fem.cells.cell import SolidCell
-from fmd.fem.cells.shell import SHELLS
 
 CELLS: dict[str, SolidCell] = {
     cell.name: cell for cell in (*tetrahedron.CELLS, *hexahedron.CELLS, *wedge.CELLS, *pyramid.CELLS)
@@ -24,11 +23,6 @@ def solid_cell(name: str) -> SolidCell:
     if name not in CELLS:
         raise ValueError(f"cell_type is {name!r}, expected one of {', '.join(CELLS)}")
     return CELLS[name]
-
-
-def shell_cell(name: str) -> SolidCell:
-    """Return the layer of a shell of quadrilaterals, ``hexahedron``, or of triangles, ``wedge``."""
-    return SHELLS[name]
 
 
 def complete_dimensions(dimensions: dict[str, int]) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.fortran import read_field
-from fmd.core.limits.files import ISOTROPIC, UPRIGHT_BEAM
+from fmd.core.limits.files import UPRIGHT_BEAM
 from fmd.fem.formats.ansys_links import Element
-from fmd.fem.formats.beam_sections import BeamElement, DeckBeams, DrawnSection
+from fmd.fem.formats.beam_sections import BeamElement, DeckBeams, DrawnSection, are_alike
 from fmd.fem.sections import box_section, i_section, rectangular_section, round_section
 
 
@@ -48,17 +48,13 @@ def shell_section(section: AnsysSection | None, real: list[float], kind: int, m:
 
 
 def _hollow(across: float, along: float, *walls: float) -> DrawnSection | None:
-    return DrawnSection(box_section, (along, across, walls[0])) if _alike(*walls) else None
+    return DrawnSection(box_section, (along, across, walls[0])) if are_alike(*walls) else None
 
 
 def _i(low: float, top: float, height: float, *walls: float) -> DrawnSection | None:
-    if not (_alike(low, top) and _alike(*walls[:2])):
+    if not (are_alike(low, top) and are_alike(*walls[:2])):
         return None
     return DrawnSection(i_section, (low, height, walls[2], walls[0]), turned=True)
-
-
-def _alike(*sizes: float) -> bool:
-    return max(sizes) - min(sizes) <= ISOTROPIC * max(sizes)
 
 
 # Numbers of measures, and what they are; a beam's first axis here is Ansys' z, along which its heights are.

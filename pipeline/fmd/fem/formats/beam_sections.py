@@ -121,16 +121,17 @@ class NastranBeams:
         return self.deck
 
 
-def _alike(*walls: float) -> bool:
+def are_alike(*walls: float) -> bool:
+    """Return true for thicknesses that are equal but for how they are rounded."""
     return max(walls) - min(walls) <= ISOTROPIC * max(walls)
 
 
 def _nastran_box(width: float, height: float, wall: float, side: float) -> DrawnSection | None:
-    return DrawnSection(box_section, (height, width, wall)) if _alike(wall, side) else None
+    return DrawnSection(box_section, (height, width, wall)) if are_alike(wall, side) else None
 
 
 def _nastran_i(h: float, below: float, above: float, web: float, low: float, high: float) -> DrawnSection | None:
-    if not (_alike(below, above) and _alike(low, high)):
+    if not (are_alike(below, above) and are_alike(low, high)):
         return None
     return DrawnSection(i_section, (below, h, web, low), turned=True)
 
@@ -147,13 +148,13 @@ _NASTRAN: dict[str, tuple[int, Callable[..., DrawnSection | None]]] = {
 
 
 def _abaqus_box(a: float, b: float, *walls: float) -> DrawnSection | None:
-    return DrawnSection(box_section, (a, b, walls[0])) if _alike(*walls) else None
+    return DrawnSection(box_section, (a, b, walls[0])) if are_alike(*walls) else None
 
 
 def _abaqus_i(
     low: float, h: float, below: float, above: float, thick: float, top: float, web: float
 ) -> DrawnSection | None:
-    if not (_alike(below, above) and _alike(thick, top) and abs(2 * low - h) <= ISOTROPIC * h):
+    if not (are_alike(below, above) and are_alike(thick, top) and abs(2 * low - h) <= ISOTROPIC * h):
         return None
     return DrawnSection(i_section, (below, h, web, thick))
 

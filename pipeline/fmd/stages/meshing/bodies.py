@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.units import unit_ratio
 from fmd.fem.joined import AnyMesh
@@ -131,7 +130,7 @@ def find_material(shape: Flexible, mesh: AnyMesh, file: str, body: str) -> AnyMa
     if not isinstance(shape, MeshedPart | CadPart) or not shape.material:
         return whole
     numbers = np.zeros(mesh.n_cells, dtype=np.int64)
-    names = [find_name(mesh.parts, name, file, f"body.{body}.material.{name}.part") for name in shape.material]
+    names = [find_name(mesh.parts, name, file, f"body.{body}.material.{name}.part", "part") for name in shape.material]
     cells = {k: mesh.parts[name] for k, name in enumerate(names, start=1)}
     for k in sorted(cells, key=lambda k: -len(cells[k])):  # of parts within parts the smallest counts
         numbers[cells[k]] = k
@@ -178,10 +177,8 @@ def lamina_of(table: LaminaTable) -> Lamina:
     return Lamina(table.E1, table.E2, table.nu12, G12, G13, G23, table.rho)
 
 
-def find_name(names: Mapping[str, IntArray], given: str, file: str, key: str) -> str:
-    """Return a face's or a part's name as the mesh has it; upper and lower case may differ.
-
-    The scene gives it in a file under a key, which ends with ``part`` for a part.
+def find_name(names: Collection[str], given: str, file: str, key: str, what: str = "face") -> str:
+    """Return the name of a face, or of what else is said, as the mesh has it; upper and lower case may differ.
 
     Raises
     ------
@@ -190,6 +187,5 @@ def find_name(names: Mapping[str, IntArray], given: str, file: str, key: str) ->
     """
     alike = [known for known in names if known.casefold() == given.casefold()]
     if given not in names and len(alike) != 1:
-        what = "part" if key.endswith("part") else "face"
         raise InputError(file, key, given, f"no such {what}; {suggest_name(given, names, f'the {what}s')}")
     return given if given in names else alike[0]
