@@ -59,7 +59,7 @@ def contact_points(
     """Find the points of a body's faces and their residual flexibility ``G = Bᵀ K⁺ B − V (Vᵀ K V)⁻¹ Vᵀ``.
 
     V are the modes at the points without the rigid motion that a joint-conforming basis has, and ``K⁺`` the static
-    response by inertia relief, from the factor that the modes were computed with.
+    response by inertia relief.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def contact_points(
         )
     numbers = {name: np.searchsorted(at, nodes) for name, (nodes, _) in pressed.items()}
     areas = {name: area for name, (_, area) in pressed.items()}
-    whole = _symmetric(_static_flexibility(fe, solver, at))
+    whole = solver.flexibility(at)
     try:
         G, raised = _raised(whole - _modal_flexibility(fe, solver, body, at), whole)
     except np.linalg.LinAlgError as error:
@@ -103,18 +103,6 @@ def contact_points(
     G = G.reshape(n, 3, n, 3)
     x = body.x[at].copy()
     return ContactPoints(x, areas, shapes, G, numbers, raised, surfaces, elastic=elastic, nodes=at)
-
-
-def _static_flexibility(fe: FEModel, solver: FreeBodySolver, nodes: IntArray) -> Array:
-    """Return ``Bᵀ K⁺ B`` (3 n, 3 n), some columns at a time."""
-    n_nodes, size = len(fe.x), 3 * len(nodes)
-    G = np.empty((size, size))
-    for first in range(0, size, COLUMNS_AT_ONCE):
-        columns = np.arange(first, min(first + COLUMNS_AT_ONCE, size))
-        loads = np.zeros((n_nodes, 3, len(columns)))
-        loads[nodes[columns // 3], columns % 3, np.arange(len(columns))] = 1.0
-        G[:, columns] = solver.static_response(loads)[nodes].reshape(size, -1)
-    return G
 
 
 def _modal_flexibility(fe: FEModel, solver: FreeBodySolver, body: FlexibleBody, nodes: IntArray) -> Array:

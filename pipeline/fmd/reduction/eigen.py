@@ -13,6 +13,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
+from fmd.core.limits.contact import COLUMNS_AT_ONCE
 from fmd.core.limits.modes import (
     LANCZOS_RESIDUAL,
     LANCZOS_TRIES,
@@ -25,7 +26,7 @@ from fmd.core.limits.modes import (
 )
 from fmd.core.progress import Advance
 from fmd.reduction.factor.factor import Factor, factorise
-from fmd.reduction.inertia_relief import THIN, rounded_defect, solve_balanced
+from fmd.reduction.inertia_relief import THIN, flexibility_at, held_stiffness, rounded_defect, solve_balanced
 from fmd.reduction.missed_modes import missed_eigenvalue
 from fmd.reduction.modes import EigenPairs
 from fmd.reduction.supports import remaining_rigid_motions, remove_fixed_unknowns, tie_rigid_faces
@@ -163,6 +164,22 @@ class FreeBodySolver:
             The residual stayed above its limit.
         """
         return self._nodal(solve_balanced(self._K, self._M, self._R, self._inverse, self._loads(f), advance))
+
+    def flexibility(self, nodes: IntArray) -> Array:
+        """Return the displacements of nodes by unit forces on each, ``Bᵀ K⁺ B`` (3 n, 3 n) [m/N].
+
+        K⁺ is `static_response`. A second factor, of the body held at six unknowns, makes it one solution a column.
+        """
+        inverse = self._factorise(held_stiffness(self._K, self._R)).solve if self._R.shape[1] else self._inverse
+        size = 3 * len(nodes)
+        G = np.empty((size, size))
+        for first in range(0, size, COLUMNS_AT_ONCE):
+            columns = np.arange(first, min(first + COLUMNS_AT_ONCE, size))
+            f = np.zeros((len(self._fe.x), 3, len(columns)))
+            f[nodes[columns // 3], columns % 3, columns - first] = 1.0
+            u = flexibility_at(self._K, self._M, self._R, inverse, self._loads(f))
+            G[:, columns] = (self.static_response(f) if u is None else self._nodal(u))[nodes].reshape(size, -1)
+        return 0.5 * (G + G.T)
 
     def inertia_response(self, u: Array) -> Array:
         """Deflections ``(K − σ M)⁻¹ M u`` by the inertia of fields u (n_nodes, 3, k), without any rigid motion."""

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import qr
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
@@ -111,6 +113,31 @@ def solve_balanced(
                 + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if rounded > 0.1 * ROUNDED_STATIC_RESIDUAL else "")
             )
     return u
+
+
+def held_stiffness(K: Any, R: Array) -> Any:
+    """Return K with springs at as many unknowns as it has rigid-body modes R (n, n_rigid), so that it is definite.
+
+    Loads in equilibrium press on none of these springs: what such loads do follows from its inverse exactly.
+    """
+    held = qr(R.T, mode="r", pivoting=True)[1][: R.shape[1]]
+    return K + sp.csr_array((K.diagonal()[held], (held, held)), K.shape)
+
+
+def flexibility_at(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], f: Array) -> Array | None:
+    """Return the answers ``u`` of `solve_balanced` by the exact inverse of `held_stiffness`, one solution a load.
+
+    A random combination of the loads is checked in place of each; None if round-off leaves too much of it.
+    """
+    rows = np.linalg.solve(R.T @ (M @ R), (M @ R).T) if R.shape[1] else R.T
+    loads = f - rows.T @ (R.T @ f)
+    mixed = np.random.default_rng(0).choice([-1.0, 1.0], f.shape[1])
+    u = inverse(loads)
+    u -= R @ (rows @ u)
+    left = loads @ mixed - K @ (u @ mixed)
+    left -= rows.T @ (R.T @ left)
+    least = np.sqrt(np.einsum("ij,ij->j", loads, u).min())
+    return u if np.sqrt(abs(left @ inverse(left[:, None])[:, 0])) < STATIC_RESIDUAL * least else None
 
 
 def _lost(load: int) -> AccuracyError:
