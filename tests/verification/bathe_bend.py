@@ -51,7 +51,8 @@ run = [{{ integrator = "auto" }}]
 def bend(folder: Path, pieces: int, along: int, across: int = 2) -> Pipeline:
     """Return the bend under its load in pieces, with a mesh of so many bricks along and across it."""
     file = folder / "bend.inp"
-    write_abaqus_box(file, (RADIUS * ANGLE, SIDE, SIDE), (along, across, across))
+    sizes = ((RADIUS * ANGLE, along), (SIDE, across), (SIDE, across))
+    write_abaqus_box(file, [np.linspace(0.0, size, n + 1) for size, n in sizes])
     head, rest = file.read_text(encoding="utf-8").split("*ELEMENT")
     *words, nodes = head.partition("*NODE\n")
     number, s, y, z = np.array([line.split(",") for line in nodes.splitlines()], dtype=float).T

@@ -24,7 +24,7 @@ STEEL = Material(210e9, 0.3, 7800.0)
 LONG = (
     pytest.mark.long
 )  # test_bouncing_bar.py, test_loops.py and test_friction.py have what these show, in a second or two
-LONGER = ("bouncing-bar", "four-bar", "slope")
+LONGER = ("bouncing-bar", "four-bar", "slope", "struck-beam")
 
 
 @cache

@@ -1,9 +1,14 @@
-"""Cases of contact: a bar and a ball that bounce, a block on a slope, and a pressed ball that slips aside."""
+"""Cases of contact: a bar and a ball that bounce, a block on a slope, a struck beam, and a pressed ball."""
 
 from __future__ import annotations
 
-import numpy as np
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import numpy as np
+from scipy.spatial import Delaunay
+
+from fmd.accuracy.solved_scene import SolvedScene
 from fmd.contact.half_space import half_space_flexibility
 from fmd.contact.touching_body import ContactPlane, ContactPoints, TouchingBody
 from fmd.core.arrays import Array
@@ -14,7 +19,9 @@ from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.protocol import evaluate
 from fmd.output.contacts import contact_figures
 from fmd.scene.joints.free import FREE
+from fmd.scene.scene import load_scene
 from fmd.verification.case import Figure, VerificationCase, open_scene
+from fmd.verification.frequencies import write_abaqus_box
 
 SPEED, RADIUS, E, NU = 0.05, 0.01, 210e9, 0.3  # of the ball [m/s, m, Pa]
 
@@ -57,6 +64,79 @@ def _ball(cache: Cache | None) -> list[Figure]:
         Figure("largest von Mises stress below [Pa]", floor["largest_stress_below_pa"], 0.62 * float(pressure), 0.02),
         Figure("its depth [m]", floor["its_depth_m"], 0.48 * float(half), 0.06),
     ]
+
+
+_STRUCK_BEAM = """
+title = "Ball of steel that strikes a free beam at 1 m/s"
+[body.beam]
+mesh = { file = "beam.inp", unit = "mm" }
+E = "210 GPa"
+nu = 0.3
+rho = "7850 kg/m^3"
+modes = { count = 40, enrich = "none" }
+marker = { top = { face = "TOP" } }
+[body.ball]
+shape = "rigid"
+mass = "32.88 g"
+inertia = ["1.315e-6 kg m^2", "1.315e-6 kg m^2", "1.315e-6 kg m^2"]
+marker = { centre = { at = ["0 m", "0 m", "0 m"] } }
+surface = { skin = { type = "file", file = "cap.obj", unit = "mm", E = "210 GPa", nu = 0.3 } }
+[joint.rest]
+type = "free"
+parent = "ground"
+child = "beam.top"
+[joint.fall]
+type = "free"
+parent = "ground"
+child = "ball.centre"
+position = ["0 mm", "0 mm", "10.0001 mm"]
+velocity = ["0 m/s", "0 m/s", "-1 m/s"]
+[contact.hit]
+between = ["beam.top", "ball.skin"]
+[simulation]
+duration = "90 us"
+output_step = "1 us"
+step = "auto"
+tip = "ball.centre"
+[[simulation.run]]
+integrator = "central-difference"
+"""
+
+
+def _struck_beam(cache: Cache | None) -> list[Figure]:
+    """A ball of 10 mm and a beam of 200 × 20 × 10 mm, with elements of 0.3 mm where they meet."""
+    halves = []
+    for reach, fine, growth in ((100.0, 2, 2.2), (10.0, 2, 2.2), (10.0, 1, 1.8)):
+        sizes = [0.3] * fine
+        while sum(sizes) < reach:
+            sizes.append(min(growth * sizes[-1], 12.0))
+        sizes[fine:] = np.array(sizes[fine:]) * (reach - 0.3 * fine) / sum(sizes[fine:])
+        halves.append(np.cumsum([0.0, *sizes]))
+    along, across, down = halves
+    with TemporaryDirectory(prefix="fmd-") as folder:
+        borders = [-along[::-1], along[1:]], [-across[::-1], across[1:]], [-down[::-1]]
+        write_abaqus_box(Path(folder) / "beam.inp", [np.concatenate(own) for own in borders], top=0.6)
+        _write_cap(Path(folder) / "cap.obj", 10.0, 0.55, 4)
+        (scene := Path(folder) / "scene.toml").write_text(_STRUCK_BEAM, encoding="utf-8")
+        run = SolvedScene(load_scene(scene), cache).run
+        hit = contact_figures(run)["contacts"]["hit"]
+    return [
+        Figure("largest force [N]", hit["largest_force_n"], 1326.8, 0.01),
+        Figure("duration [s]", hit["end_s"] - hit["begin_s"], 63.1e-6, 0.03),
+        Figure("restitution", hit["impulse_n_s"][2] / 0.03288 - 1.0, 0.4005, 0.02),
+    ]
+
+
+def _write_cap(path: Path, radius: float, reach: float, rings: int) -> None:
+    """Write the lowest part of a ball, up to a reach beside its axis along z, as triangles between rings."""
+    k = np.repeat(np.arange(rings + 1), [1, *(6 * np.arange(1, rings + 1))])
+    turn = 2.0 * np.pi * (np.arange(len(k)) - 1 - 3 * k * (k - 1) + 0.5 * (k % 2)) / (6 * np.maximum(k, 1))
+    x, y = reach * k / rings * np.array([np.cos(turn), np.sin(turn)])
+    lines = [f"v {a:.12g} {b:.12g} {-np.sqrt(radius**2 - a**2 - b**2):.12g}" for a, b in zip(x, y, strict=True)]
+    for a, b, c in Delaunay(np.column_stack([x, y])).simplices + 1:
+        down = (x[b - 1] - x[a - 1]) * (y[c - 1] - y[a - 1]) < (y[b - 1] - y[a - 1]) * (x[c - 1] - x[a - 1])
+        lines.append(f"f {a} {b} {c}" if down else f"f {a} {c} {b}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _pushed_ball(cache: Cache | None) -> list[Figure]:
@@ -113,5 +193,6 @@ CASES = (
     VerificationCase("bouncing-bar", "contact of a bar that bounces", _DOYEN, _bar),
     VerificationCase("slope", "friction on a slope of 30°", "−g (sin 30° − μ cos 30°)", _slope),
     VerificationCase("ball", "ball that bounces, elements of 9 mm", _HERTZ, _ball),
+    VerificationCase("struck-beam", "ball that strikes a beam", "whole elements, explicit", _struck_beam),
     VerificationCase("pushed-ball", "pressed ball that is pushed aside", _MINDLIN, _pushed_ball),
 )

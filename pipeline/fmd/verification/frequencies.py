@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -88,7 +89,7 @@ def _box(cache: Cache | None) -> list[Figure]:
 
 def _abaqus_box(cache: Cache | None) -> list[Figure]:
     with TemporaryDirectory(prefix="fmd-") as folder:
-        write_abaqus_box(Path(folder) / "box.inp", (100.0, 70.0, 50.0), (8, 6, 5))
+        write_abaqus_box(Path(folder) / "box.inp", [np.linspace(0, *own) for own in ((100, 9), (70, 7), (50, 6))])
         scene = Path(folder) / "box.toml"
         scene.write_text(_ABAQUS_SCENE, encoding="utf-8")
         run = SolvedScene(load_scene(scene), cache).run
@@ -96,26 +97,35 @@ def _abaqus_box(cache: Cache | None) -> list[Figure]:
         return [*figures, Figure("volume [m³]", run.mesh.volume, 0.1 * 0.07 * 0.05, 1e-9)]
 
 
-def write_abaqus_box(path: Path, sizes: tuple[float, float, float], divisions: tuple[int, int, int]) -> None:
-    """Write a box of 20-node bricks, with its nodes at x = 0 as a set, to an Abaqus file in the unit of its sizes."""
+def write_abaqus_box(path: Path, borders: Sequence[Array], top: float = np.inf) -> None:
+    """Write a box of 20-node bricks between borders along x, y and z to an Abaqus file in their unit.
+
+    The nodes at the first x are the set LEFT, and facets at the last z whose middles are less than ``top`` off the
+    axes along x and y the surface TOP.
+    """
     number: dict[tuple[int, ...], int] = {}
-    elements = []
+    elements: list[list[int]] = []
     around = ((0, 0), (1, 0), (1, 1), (0, 1))
     corners = np.array([(x, y, z) for z in (0, 1) for x, y in around])
     edges = [(k, (k + 1) % 4) for k in range(4)]
     edges += [(4 + a, 4 + b) for a, b in edges] + [(k, k + 4) for k in range(4)]
     local = np.concatenate([2 * corners, [corners[a] + corners[b] for a, b in edges]])  # in half elements
+    divisions = [len(own) - 1 for own in borders]
+    facets = []
     for cell in np.ndindex(*divisions):
         places = 2 * np.array(cell) + local
+        off = max(abs(own[k] + own[k + 1]) / 2 for own, k in zip(borders[:2], cell[:2], strict=True))
+        facets += [len(elements) + 1] if cell[2] == divisions[2] - 1 and off < top else []
         elements.append([number.setdefault(tuple(place), len(number) + 1) for place in places.tolist()])
-    step = np.array(sizes) / (2 * np.array(divisions))
+    axes = [np.interp(np.arange(2 * len(own) - 1) / 2, np.arange(len(own)), own) for own in borders]
     lines = ["*HEADING", "box", "*NODE"]
-    lines += [f"{k}, " + ", ".join(f"{x:.12g}" for x in place * step) for place, k in number.items()]
+    lines += [f"{k}, " + ", ".join(f"{axes[a][x]:.12g}" for a, x in enumerate(place)) for place, k in number.items()]
     lines.append("*ELEMENT, TYPE=C3D20, ELSET=BOX")
     for k, nodes in enumerate(elements, 1):  # at most 16 numbers in a line
         lines += [f"{k}, " + ", ".join(map(str, nodes[:15])) + ",", ", ".join(map(str, nodes[15:]))]
     lines.append("*NSET, NSET=LEFT")
     lines += [f"{k}," for place, k in number.items() if place[0] == 0]
+    lines += ["*SURFACE, NAME=TOP, TYPE=ELEMENT", *(f"{k}, S2" for k in facets)]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
