@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +13,7 @@ from fmd.cli.options import SceneName, print_json
 from fmd.cli.tables import print_files
 from fmd.core.errors import InputError
 from fmd.core.files import refusing
-from fmd.output.formats import write_format
+from fmd.output.formats import left_out, write_format
 from fmd.scene.outputs import EXPORT_FORMATS, MECHANISM_FORMATS
 from fmd.scene.scene import Scene
 
@@ -46,7 +47,10 @@ def export(
         raise InputError("--out", "", str(path), f"a file of format {to} ends in {' or '.join(suffixes)}")
     with refusing("--out", path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        files = write_format(settle(solved), to, chosen, path)
+        run = settle(solved)
+        files = write_format(run, to, chosen, path)
+    if text := left_out(run, to, chosen):
+        print(f"warning: {text}", file=sys.stderr)
     platforms = _platforms(files) if to == "fmu" else {}
     if options.json:
         print_json({"format": to, "files": [str(file) for file in files]} | platforms)

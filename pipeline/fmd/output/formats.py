@@ -18,7 +18,7 @@ from fmd.fem.model import FEModel
 from fmd.reduction.craig_bampton import Superelement
 from fmd.reduction.formats.body_format import DrawnBody, ExportedBody, LoadCases, body_format
 from fmd.reduction.load_cases import shape_cases, stiffening_cases
-from fmd.reduction.modal_data import ModalData, modal_data, without_stiffening
+from fmd.reduction.modal_data import ModalData, modal_data
 from fmd.reduction.modes import Modes
 from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.modes import damping_ratios
@@ -38,10 +38,9 @@ class PipelineBody(ExportedBody):
         self.stiffened = not moves or run.scene.simulation.stiffening != "off"
 
     def modal_data(self, stiffened: bool) -> ModalData:
-        """Return shapes and inertia integrals in space, without stiffening unless it is wanted."""
+        """Return shapes and inertia integrals in space, without the elements' stiffening unless it is wanted."""
         body, damping = spatial_body(self._part, stiffened), self._part.shape.modes.damping
-        data = modal_data(body, np.array(damping_ratios(damping, body.omega.tolist())))
-        return data if stiffened else without_stiffening(data)  # a body from a file may bring its own
+        return modal_data(body, np.array(damping_ratios(damping, body.omega.tolist())))
 
     def in_space(self) -> DrawnBody:
         """Return the body reduced for any motion in space, with its surface and stress."""
@@ -100,6 +99,16 @@ class PipelineBody(ExportedBody):
     def fault(self, key: str, problem: str) -> InputError:
         """Return the error of a key of the body."""
         return InputError(self._part.file, f"body.{self.name}.{key}", None, problem)
+
+
+def left_out(run: Pipeline, name: str, body: str | None) -> str | None:
+    """Return what a format has no place for in a body, though it never is left out here; ``None`` without."""
+    if body is None or body_format(name).second_order or run.parts[body].is_reduced or run.parts[body].fe.arms is None:
+        return None
+    return (
+        f"{body}: as links, lumped masses and sections of beams turn, they are drawn in by ½ θ × (θ × r), for which "
+        f"format {name} has no place: discs on a turning shaft are wrong there, take sid or fmu"
+    )
 
 
 def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list[Path]:

@@ -48,7 +48,7 @@ class ExportedBody(ABC):
 
     @abstractmethod
     def modal_data(self, stiffened: bool) -> ModalData:
-        """Return shapes and inertia integrals for any motion in space, with or without geometric stiffening."""
+        """Return shapes and inertia integrals for any motion in space, with or without the elements' stiffening."""
 
     @abstractmethod
     def in_space(self) -> DrawnBody:
@@ -87,6 +87,7 @@ class BodyFormat(NamedTuple):
     read: Callable[[Path], ModalData] | None = None  # reads a body that a scene names by its file
     # Reads a body's matrices of boundary nodes and modal coordinates, in the file's units.
     read_superelement: Callable[[Path], GivenSuperelement] | None = None
+    second_order: bool = True  # false if displacement of second order has no place in the file
 
 
 def body_format(name: str) -> BodyFormat:

@@ -24,7 +24,7 @@ from fmd.fem.surface import SurfaceTopology
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
 from fmd.reduction.inertia import InertiaIntegrals
-from fmd.reduction.modal_data import ModalData
+from fmd.reduction.modal_data import ModalData, without_stiffening
 
 CORNERS: Array = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
 """Corners of a tetrahedron about the origin, all inertia axes of which are equal."""
@@ -198,11 +198,12 @@ def _write(body: ExportedBody, path: Path) -> list[Path]:
     reduced, surface, stress = body.in_space()
     nodes = slice(None) if surface is None else surface.nodes
     x, shapes = reduced.x[nodes], reduced.shapes[nodes]
-    write_exudyn(path, exudyn_arrays(body.modal_data(stiffened=False), x, shapes, surface, stress))
+    data = without_stiffening(body.modal_data(stiffened=False))
+    write_exudyn(path, exudyn_arrays(data, x, shapes, surface, stress))
     script = path.with_suffix(".py")
     template = files("fmd.reduction.formats").joinpath("exudyn_body.py.txt").read_text(encoding="utf-8")
     write_text(script, template.replace("@FILE@", path.name).replace("@BODY@", body.name))
     return [path, script]
 
 
-FORMAT = BodyFormat(_write, read_exudyn)
+FORMAT = BodyFormat(_write, read_exudyn, second_order=False)

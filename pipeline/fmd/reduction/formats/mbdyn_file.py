@@ -25,7 +25,7 @@ from fmd.core.limits.rank import INDEPENDENT_FUNCTIONS
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.formats.body_format import BodyFormat
 from fmd.reduction.inertia import InertiaIntegrals
-from fmd.reduction.modal_data import ModalData, function_products
+from fmd.reduction.modal_data import ModalData, function_products, without_stiffening
 
 _GROUP = re.compile(r"\*\*\s*RECORD GROUP\s*(\d+)")
 _NAMES = {
@@ -226,4 +226,8 @@ def _sum_points(nodes: list[MarkerShapes], lumped: Array, n: int) -> tuple[Array
     return G, S, float(lumped[:, 0].sum())
 
 
-FORMAT = BodyFormat(lambda body, path: write_mbdyn(path, body.modal_data(stiffened=False)), read_mbdyn)
+FORMAT = BodyFormat(
+    lambda body, path: write_mbdyn(path, without_stiffening(body.modal_data(stiffened=False))),
+    read_mbdyn,
+    second_order=False,
+)
