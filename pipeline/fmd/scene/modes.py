@@ -121,7 +121,7 @@ class ModeSettings(SceneTable):
     damping: Damping = 0.0
     # Program that factorises the stiffness: the fastest that is installed (``"auto"``), CHOLMOD, SciPy's SuperLU, or
     # PETSc and SLEPc over several processes.
-    solver: Literal["auto", "cholesky", "superlu", "slepc"] = "auto"
+    solver: Literal["auto", "multifrontal", "cholesky", "slepc"] = "auto"
     # Number of processes for ``solver = "slepc"``; 2 if it is left out.
     ranks: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
 

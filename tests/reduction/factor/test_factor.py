@@ -21,14 +21,14 @@ from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
 from fmd.meshes.bar import hexahedral_bar, tetrahedral_bar
 from fmd.reduction.eigen import FreeBodySolver
-from fmd.reduction.factor import factor
-from fmd.reduction.factor.factor import MissingSolverError, TooLargeError, factor_nonzeros, factorise
+from fmd.reduction.factor import factor, multifrontal
+from fmd.reduction.factor.factor import MissingSolverError, TooLargeError, elimination_tree, factor_nonzeros, factorise
 
 pytestmark = pytest.mark.slow
 
 cvxopt = pytest.importorskip("cvxopt", reason="cvxopt is not installed")
 
-SOLVERS = ("cholesky", "superlu")
+SOLVERS = ("cholesky", "multifrontal")
 
 
 @pytest.fixture(scope="module")
@@ -66,20 +66,47 @@ def test_every_solver_in_every_order_solves(
         assert np.abs(made.solve(A @ wanted) - wanted).max() < 1e-9
 
 
-@pytest.mark.parametrize("missing", [("cvxopt",), ("pymetis",), ("cvxopt", "pymetis")])
-def test_modes_are_the_same_without_the_optional_packages(
-    missing: tuple[str, ...], tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("missing", [(), ("pymetis",)])
+def test_modes_are_those_of_a_small_factor(
+    solver: factor.Solver, missing: tuple[str, ...], tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    small = FreeBodySolver(tetrahedra, factorise=partial(factorise)).modes(12)
+    without(monkeypatch, *missing)
+    other = FreeBodySolver(tetrahedra, factorise=partial(factorise, solver=solver)).modes(12)
+    assert small.factor is not None
+    assert small.factor.solver == "SuperLU"
+    assert other.factor is not None
+    assert other.factor.solver == {"cholesky": "CHOLMOD"}.get(solver, solver)
+    assert other.omega == pytest.approx(small.omega, rel=1e-10)
+    assert other.shapes == pytest.approx(small.shapes, abs=1e-8 * np.abs(small.shapes).max())
+
+
+def test_large_matrices_take_fronts_with_or_without_cvxopt(
+    tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(factor, "SMALL_SYSTEM", 0)
-    with_all = FreeBodySolver(tetrahedra).modes(12)
-    without(monkeypatch, *missing)
-    bare = FreeBodySolver(tetrahedra).modes(12)
-    assert with_all.factor is not None
-    assert with_all.factor.solver == "CHOLMOD"
-    assert bare.factor is not None
-    assert bare.factor.solver == ("SuperLU" if "cvxopt" in missing else "CHOLMOD")
-    assert bare.omega == pytest.approx(with_all.omega, rel=1e-10)
-    assert bare.shapes == pytest.approx(with_all.shapes, abs=1e-8 * np.abs(with_all.shapes).max())
+    assert factorise(positive(tetrahedra)).figures.solver == "multifrontal"
+
+
+@pytest.mark.parametrize("zeros", [0, 200, 100_000])
+@pytest.mark.parametrize("width", [1, 7, 384])
+def test_fronts_solve_random_matrices_whatever_is_merged_and_split(
+    zeros: int, width: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Against NumPy: patterns of several roots and unknowns that nothing couples are among them."""
+    monkeypatch.setattr(multifrontal, "FRONT_ZEROS", zeros)
+    monkeypatch.setattr(multifrontal, "FRONT_WIDTH", width)
+    rng = np.random.default_rng(zeros + width)
+    for n in (1, 2, 3, 30, 46, 91):
+        half = np.where(rng.random((n, n)) < 2.0 / n, rng.standard_normal((n, n)), 0.0)
+        A = half @ half.T + np.eye(n)
+        made = factorise(sp.csr_array(A), "multifrontal")
+        for shape in ((n,), (n, 1), (n, 5), (n, 0)):
+            f = rng.standard_normal(shape)
+            u = made.solve(f)
+            assert u.shape == shape
+            np.testing.assert_allclose(u, np.linalg.solve(A, f.reshape(n, -1)).reshape(shape), rtol=1e-9, atol=1e-11)
 
 
 def test_static_responses_and_rigid_faces_are_the_same(hexahedra: FEModel) -> None:
@@ -98,9 +125,10 @@ def test_cholesky_without_cvxopt_says_what_to_install(tetrahedra: FEModel, monke
         factorise(positive(tetrahedra), "cholesky")
 
 
-def test_a_matrix_that_is_not_positive_definite_is_refused(tetrahedra: FEModel) -> None:
-    with pytest.raises(AccuracyError, match=r"not positive definite: CHOLMOD stopped at pivot \d+"):
-        factorise(tetrahedra.K - 1e12 * tetrahedra.M, "cholesky")
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_matrix_that_is_not_positive_definite_is_refused(solver: factor.Solver, tetrahedra: FEModel) -> None:
+    with pytest.raises(AccuracyError, match=r"not positive definite: (CHOLMOD stopped|the factor ends) at pivot \d+"):
+        factorise(tetrahedra.K - 1e12 * tetrahedra.M, solver)
 
 
 @pytest.mark.parametrize("missing", [(), ("pymetis",)])
@@ -112,7 +140,8 @@ def test_the_predicted_nonzeros_are_those_of_a_factor(
     without(monkeypatch, *missing)
     monkeypatch.setattr(factor, "SMALL_SYSTEM", 0)
     A = positive(request.getfixturevalue(body))
-    order, _, nonzeros = factor._ordered(A)
+    graph, nodes, _ = factor._ordered(A, 3)
+    nonzeros, order = factor_nonzeros(elimination_tree(graph)[0], 3), factor._unknowns(nodes, 3)
     assert factorise(A).figures.nonzeros == nonzeros
     real = factor.splu(
         sp.csc_array(A[order][:, order]), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
@@ -130,13 +159,15 @@ def test_a_graphs_factor_is_counted_as_by_elimination() -> None:
         later = np.flatnonzero(filled[k, k + 1 :]) + k + 1
         filled[np.ix_(later, later)] = True
     expected = n + np.count_nonzero(np.tril(filled, -1))
-    assert factor_nonzeros(sp.csr_array(pattern.astype(float))) == expected
+    counts, _ = elimination_tree(sp.csr_array(pattern.astype(float)))
+    assert factor_nonzeros(counts) == expected
     # three unknowns a node: each entry a 3 × 3 block, those on the diagonal lower triangles
-    assert factor_nonzeros(sp.csr_array(pattern.astype(float)), 3) == 9 * expected - 3 * n
+    assert factor_nonzeros(counts, 3) == 9 * expected - 3 * n
 
 
-def test_the_memory_of_a_factor_is_predicted_within_a_third(hexahedra: FEModel) -> None:
-    """CHOLMOD's own memory, by the growth of this process."""
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_the_memory_of_a_factor_is_predicted_within_a_third(solver: factor.Solver, hexahedra: FEModel) -> None:
+    """By the growth of this process."""
     statm, trim = Path("/proc/self/statm"), getattr(ctypes.CDLL(None), "malloc_trim", None)
     if not statm.exists() or trim is None:
         pytest.skip("the memory of a process is read from /proc, and trimmed by glibc")
@@ -146,11 +177,11 @@ def test_the_memory_of_a_factor_is_predicted_within_a_third(hexahedra: FEModel) 
         return 4096 * int(statm.read_text().split()[1])
 
     A = positive(assemble(SolidMesh(*hexahedral_bar(0.3, 0.1, 0.1, (15, 5, 5))), 2, hexahedra.material))
-    factorise(A, "cholesky").solve(np.ones(A.shape[0]))  # what is loaded and made once
+    factorise(A, solver).solve(np.ones(A.shape[0]))  # what is loaded and made once
     gc.collect()
     kept, sizes = [], [resident()]
     for _ in range(3):
-        kept.append(factorise(A, "cholesky"))
+        kept.append(factorise(A, solver))
         sizes.append(resident())
     grown = np.median(np.diff(sizes))  # what other tests have left may go meanwhile
     assert 0.67 < kept[0].figures.memory / grown < 1.5
@@ -161,11 +192,11 @@ def test_what_does_not_fit_is_refused_before_it_is_factorised(
 ) -> None:
     monkeypatch.setattr(factor, "SMALL_SYSTEM", 0)
     monkeypatch.setattr(factor, "available_memory", lambda: 8e6)
-    monkeypatch.setattr(factor, "_cholmod", lambda *_: pytest.fail("was factorised"))
-    needs = (
-        r"the factor of its \d+ unknowns needs about [\d.]+ GB of memory \(CHOLMOD, METIS order, [\d.e+]+ nonzeros\)"
-    )
-    with pytest.raises(TooLargeError, match=needs + ", the machine has 0.008 GB to spare; make the mesh coarser"):
+    monkeypatch.setattr(multifrontal, "factorise_fronts", lambda *_: pytest.fail("was factorised"))
+    needs = r"the factor of its \d+ unknowns needs about [\d.]+ GB of memory \(multifrontal, METIS order, [\d.e+]+ non"
+    with pytest.raises(
+        TooLargeError, match=needs + r"zeros\), the machine has 0.008 GB to spare; make the mesh coarser"
+    ):
         factorise(positive(tetrahedra))
 
 

@@ -11,7 +11,10 @@ CELLS_AT_ONCE = 4096  # cells of a file at a time
 # Reduction.
 ENTRIES_AT_ONCE = 1200  # entries of an element's matrices under all loads at a time, in large meshes
 FEW_ENTRIES = 5_000_000  # the same of a small mesh, times its nodes, of which there are as many as elements or more
-SMALL_SYSTEM = 6000  # unknowns, below which SuperLU with an order of its own is as fast as any
+SMALL_SYSTEM = 6000  # unknowns, below which SciPy's SuperLU with an order of its own is as fast as any
+# Zeros, for each of which a factor's front becomes part of another: a front more takes as long as a few thousand.
+FRONT_ZEROS, SHARE_OF_ZEROS = 4000, 0.05
+FRONT_WIDTH = 384  # columns of a front: half of their own square is zero, and what is below is copied once for each
 BYTES_OF_NONZERO = 60.0  # for each nonzero of A while it is copied from one format to the next
 
 # Recovery.

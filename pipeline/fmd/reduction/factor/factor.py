@@ -1,8 +1,7 @@
-"""Factors of large symmetric positive definite matrices, by the best sparse solver that is installed.
+"""Factors of large symmetric positive definite matrices, by our own multifrontal method or by CHOLMOD.
 
-CHOLMOD, which cvxopt's wheels bring, on METIS' nested dissection (pymetis) is the fastest solver that comes in plain
-wheels. SciPy's own SuperLU is always there and gains from the same order. The factor's size is known from the
-elimination tree before anything is factorised, so a factor that doesn't fit is refused at once.
+Both work on METIS' nested dissection (pymetis), where it is there; of small matrices SciPy's SuperLU makes the factor.
+Its size is known from the elimination tree before anything is factorised, so one that doesn't fit is refused at once.
 """
 
 from __future__ import annotations
@@ -26,23 +25,35 @@ from fmd.reduction.factor.figures import FactorFigures
 
 def node_graph(A: sp.csr_array, size: int) -> sp.csr_array:
     """Graph of the nodes, of ``size`` unknowns each, that a matrix couples; symmetric, without loops."""
-    n = A.shape[0]
-    rows, columns = np.repeat(np.arange(n) // size, np.diff(A.indptr)), A.indices // size
-    apart = rows != columns
-    ones = np.ones(np.count_nonzero(apart), dtype=np.float32)
-    return sp.csr_array(sp.coo_array((ones, (rows[apart], columns[apart])), (n // size, n // size)))
+    blocks = A.tobsr((size, size))
+    rows = np.repeat(np.arange(len(blocks.indptr) - 1), np.diff(blocks.indptr))
+    apart = rows != blocks.indices
+    ends = np.concatenate([[0], np.cumsum(apart)])[blocks.indptr].astype(blocks.indptr.dtype)
+    ones = np.ones(int(ends[-1]), dtype=np.float32)
+    return sp.csr_array((ones, blocks.indices[apart], ends), (len(ends) - 1,) * 2)
 
 
-def factor_nonzeros(graph: sp.csr_array, size: int = 1) -> int:
-    """Count the nonzeros of the Cholesky factor of a matrix with this graph, in this order.
+def elimination_tree(graph: sp.csr_array) -> tuple[IntArray, IntArray]:
+    """Count the entries of each column of the Cholesky factor of a matrix with this graph, in this order.
 
     Column j of L holds a row i for each row whose subtree of the elimination tree j is in (Liu, SIAM J Matrix Anal Appl
-    11, 1990); a node's unknowns have a column each, one shorter than the one before.
+    11, 1990).
+
+    Returns
+    -------
+    counts : ndarray of int, shape (n,)
+        Entries of each column, that of the diagonal too.
+    parent : ndarray of int, shape (n,)
+        Parent of each column in the tree, -1 of a root.
     """
     counts = np.ones(graph.shape[0], dtype=np.int64)
-    work = np.full((2, graph.shape[0]), -1, dtype=np.int64)
-    indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
-    _count_columns()(indptr, indices, counts, *work)
+    parent, seen = np.full((2, graph.shape[0]), -1, dtype=np.int64)
+    _count_columns()(graph.indptr.astype(np.int64), graph.indices.astype(np.int64), counts, parent, seen)
+    return counts, parent
+
+
+def factor_nonzeros(counts: IntArray, size: int = 1) -> int:
+    """Sum up a factor's nonzeros of its columns' counts, by nodes of ``size`` columns, each one shorter than before."""
     return int(size**2 * counts.sum() - size * (size - 1) // 2 * len(counts))
 
 
@@ -68,9 +79,9 @@ def _counts(indptr: IntArray, indices: IntArray, counts: IntArray, parent: IntAr
                 j = parent[j]
 
 
-Solver = Literal["auto", "cholesky", "superlu"]
+Solver = Literal["auto", "cholesky", "multifrontal"]
 
-_BYTES = {"cholesky": 10.5, "superlu": 21.0}  # for each nonzero of L; SuperLU keeps U as well
+_BYTES = {"CHOLMOD": 10.5, "SuperLU": 21.0}  # for each nonzero of L; SuperLU keeps U as well
 _GIGA = 1e9
 
 
@@ -94,10 +105,15 @@ class Factor:
 
 
 def factorise(A: Any, solver: Solver = "auto") -> Factor:
-    """Factorise a symmetric positive definite matrix by the fastest solver installed, or by a named one.
+    """Factorise a symmetric positive definite matrix.
 
-    ``cholesky`` is cvxopt's CHOLMOD, ``superlu`` SciPy's; ``auto`` takes the faster of those installed. If n of A (n,
-    n) is a multiple of three, so are the places of each node's unknowns.
+    Parameters
+    ----------
+    A : sparse array, shape (n, n)
+        If n is a multiple of three, so are the places of each node's unknowns.
+    solver : str
+        ``multifrontal`` is our own, ``cholesky`` cvxopt's CHOLMOD, which takes three quarters of its memory; ``auto``
+        takes our own for all but small matrices.
 
     Raises
     ------
@@ -108,36 +124,37 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
     AccuracyError
         A is not positive definite.
     """
-    chosen = _choose_solver(solver, A.shape[0])
-    if chosen == "superlu" and A.shape[0] < SMALL_SYSTEM:
+    if solver == "cholesky" and find_spec("cvxopt") is None:
+        raise MissingSolverError("cvxopt, which brings CHOLMOD, is not installed: pip install cvxopt, or use 'auto'")
+    n = A.shape[0]
+    if solver == "auto" and n < SMALL_SYSTEM:
         factor = _superlu(A)
-        return Factor(factor.solve, _figures(chosen, "MMD", A.shape[0], (factor.nnz + A.shape[0]) // 2))
+        nonzeros = (factor.nnz + n) // 2
+        return Factor(factor.solve, FactorFigures("SuperLU", "MMD", n, nonzeros, int(_BYTES["SuperLU"] * nonzeros)))
     A = sp.csr_array(A)
-    order, name, nonzeros = _ordered(A)
-    figures = _figures(chosen, name, A.shape[0], nonzeros)
-    _refuse_too_large(figures, A.nnz)
-    return Factor({"cholesky": _cholmod, "superlu": _superlu_in_order}[chosen](A, order), figures)
+    size = 3 if n % 3 == 0 else 1
+    graph, nodes, name = _ordered(A, size)
+    counts, parent = elimination_tree(graph)
+    nonzeros = factor_nonzeros(counts, size)
+    if solver == "cholesky":
+        figures = FactorFigures("CHOLMOD", name, n, nonzeros, int(_BYTES["CHOLMOD"] * nonzeros))
+        _refuse_too_large(figures, BYTES_OF_NONZERO * A.nnz)
+        return Factor(_cholmod(A, _unknowns(nodes, size)), figures)
+    from fmd.reduction.factor.multifrontal import factorise_fronts, plan_fronts, plan_stack
+
+    again, fronts = plan_fronts(graph, counts, parent, size)
+    figures = FactorFigures("multifrontal", name, n, nonzeros, 8 * sum(front.entries for front in fronts))
+    _refuse_too_large(figures, 8.0 * plan_stack(fronts)[1] + BYTES_OF_NONZERO * A.nnz)
+    return Factor(factorise_fronts(A, _unknowns(nodes[again], size), fronts), figures)
 
 
-def _choose_solver(solver: Solver, n: int) -> Literal["cholesky", "superlu"]:
-    """Choose the solver for n unknowns among those installed."""
-    has_cvxopt = find_spec("cvxopt") is not None
-    if solver == "cholesky" and not has_cvxopt:
-        raise MissingSolverError("cvxopt, which brings CHOLMOD, is not installed: pip install cvxopt, or use 'superlu'")
-    if solver == "auto":
-        return "cholesky" if has_cvxopt and n >= SMALL_SYSTEM else "superlu"
-    return solver
+def _unknowns(nodes: IntArray, size: int) -> IntArray:
+    """Places of the unknowns of nodes, ``size`` each."""
+    return np.asarray((size * nodes.astype(np.int64)[:, None] + np.arange(size)).ravel())
 
 
-def _figures(chosen: str, order: str, n: int, nonzeros: int) -> FactorFigures:
-    """Predict the memory of a factor from its nonzeros."""
-    name = {"cholesky": "CHOLMOD", "superlu": "SuperLU"}[chosen]
-    return FactorFigures(name, order, n, nonzeros, int(_BYTES[chosen] * nonzeros))
-
-
-def _ordered(A: sp.csr_array) -> tuple[IntArray, str, int]:
-    """Find a fill-reducing order of the unknowns; its name and the number of nonzeros of the factor come with it."""
-    size = 3 if A.shape[0] % 3 == 0 else 1
+def _ordered(A: sp.csr_array, size: int) -> tuple[sp.csr_array, IntArray, str]:
+    """Return the graph of the nodes in a fill-reducing order, this order, and its name."""
     graph = node_graph(A, size)
     if find_spec("pymetis") is not None and graph.nnz:
         import pymetis
@@ -146,13 +163,12 @@ def _ordered(A: sp.csr_array) -> tuple[IntArray, str, int]:
     else:  # SuperLU's minimum degree, by a factorisation of the graph: 1/27 of the work
         dominant = sp.csc_array(graph + sp.diags_array(graph.sum(axis=0) + 1.0))
         name, order = "MMD", np.argsort(_superlu(dominant).perm_c)
-    unknowns = (size * order.astype(np.int64)[:, None] + np.arange(size)).ravel()
-    return unknowns, name, factor_nonzeros(graph[order][:, order], size)
+    return sp.csr_array(graph[order][:, order]), order, name
 
 
-def _refuse_too_large(figures: FactorFigures, nonzeros: int) -> None:
-    """Raise `TooLargeError` if factor and matrix don't fit into the available memory."""
-    needed, there = figures.memory + BYTES_OF_NONZERO * nonzeros, available_memory()
+def _refuse_too_large(figures: FactorFigures, beside: float) -> None:
+    """Raise `TooLargeError` if a factor and what is needed beside it [bytes] don't fit into the available memory."""
+    needed, there = figures.memory + beside, available_memory()
     if needed > there:
         raise TooLargeError(
             f"the factor of its {figures.unknowns} unknowns needs about {needed / _GIGA:.3g} GB of memory "
@@ -191,16 +207,3 @@ def _cholmod(A: sp.csr_array, order: IntArray) -> Callable[[Array], Array]:
 def _superlu(A: Any) -> Any:
     """Factorise a symmetric matrix by SuperLU, without leaving the diagonal for pivots."""
     return splu(sp.csc_array(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-
-def _superlu_in_order(A: sp.csr_array, order: IntArray) -> Callable[[Array], Array]:
-    """Factorise by SuperLU with the unknowns in the given order; returns the solve."""
-    inside = sp.csc_array(A[order][:, order])
-    factor = splu(inside, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-    def solve(f: Array) -> Array:
-        x = np.empty_like(f)
-        x[order] = factor.solve(np.ascontiguousarray(f[order]))
-        return x
-
-    return solve

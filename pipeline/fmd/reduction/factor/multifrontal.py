@@ -1,0 +1,240 @@
+"""Cholesky factor of a large sparse matrix by dense fronts, which LAPACK and BLAS factorise: the multifrontal method.
+
+References
+----------
+Liu, The multifrontal method for sparse matrix solution: theory and practice, SIAM Review 34, 1992.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg.blas import dsyrk, dtrsm
+from scipy.linalg.lapack import dpotrf
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import AccuracyError
+from fmd.core.limits.memory import FRONT_WIDTH, FRONT_ZEROS, SHARE_OF_ZEROS
+from fmd.kernels.kernel import kernel
+
+
+@dataclass(frozen=True, slots=True)
+class Front:
+    """Columns of a factor that follow one another and have their rows in common."""
+
+    first: int  # the first of its columns
+    width: int  # number of its columns
+    below: IntArray  # (k,): rows below its own triangle, ascending
+    children: tuple[int, ...]  # fronts before it, what is left of which it takes up
+
+    @property
+    def entries(self) -> int:
+        """Number of entries that are kept of it."""
+        return self.width * (self.width + len(self.below))
+
+
+def plan_fronts(graph: sp.csr_array, counts: IntArray, parent: IntArray, size: int) -> tuple[IntArray, list[Front]]:
+    """Plan the fronts of a matrix; small ones become part of their parents where that costs a few zeros.
+
+    Parameters
+    ----------
+    graph : sparse array, shape (n_nodes, n_nodes)
+        Nodes that the matrix couples, in an order that fills in little.
+    counts, parent : ndarray of int, shape (n_nodes,)
+        Entries of each node's column of the factor, and its parent in the elimination tree, -1 of a root.
+    size : int
+        Unknowns of a node.
+
+    Returns
+    -------
+    order : ndarray of int, shape (n_nodes,)
+        Nodes of the graph in an order that fills in as little and has each front's nodes together.
+    fronts : list of Front
+        The fronts by unknowns in this order, each after its children.
+    """
+    n, few = graph.shape[0], FRONT_ZEROS // size**2
+    heights, widths = counts.tolist(), [1] * n
+    members: list[list[int]] = [[node] for node in range(n)]
+    children: list[list[int]] = [[] for _ in range(n)]
+    for node, above in enumerate(parent.tolist()):
+        kept: list[int] = []
+        for child in sorted(children[node], key=heights.__getitem__, reverse=True):
+            height, width = heights[node] + widths[child], widths[node] + widths[child]
+            whole = _entries(height, width)
+            zeros = whole - _entries(heights[child], widths[child]) - _entries(heights[node], widths[node])
+            if zeros <= max(few, SHARE_OF_ZEROS * whole):
+                heights[node], widths[node] = height, width
+                members[node] = members[child] + members[node]
+                kept += children[child]
+            else:
+                kept.append(child)
+        children[node] = kept
+        if above >= 0:
+            children[above].append(node)
+    sequence, waiting = [], np.flatnonzero(parent < 0).tolist()
+    while waiting:  # parents before children, and then turned around
+        sequence.append(waiting.pop())
+        waiting += children[sequence[-1]]
+    sequence.reverse()
+    order = np.concatenate([members[node] for node in sequence])
+    place = np.empty(n, dtype=np.int64)
+    place[order] = np.arange(n)
+    fronts: list[Front] = []
+    rows_below: dict[int, IntArray] = {}
+    number: dict[int, int] = {}
+    first = 0
+    for node in sequence:
+        last = first + widths[node]
+        coupled = [place[graph.indices[graph.indptr[m] : graph.indptr[m + 1]]] for m in members[node]]
+        rows = np.unique(np.concatenate([*coupled, *(rows_below.pop(child) for child in children[node])]))
+        rows_below[node] = rows = rows[np.searchsorted(rows, last) :]
+        below, end = (size * rows[:, None] + np.arange(size)).ravel(), size * last
+        of = tuple(number[child] for child in children[node])
+        for begin in range(size * first, end, FRONT_WIDTH):  # a wide one as several, in which less is zero
+            middle = min(begin + FRONT_WIDTH, end)
+            fronts.append(Front(begin, middle - begin, np.concatenate([np.arange(middle, end), below]), of))
+            of = (len(fronts) - 1,)
+        (number[node],), first = of, last
+    return order, fronts
+
+
+def plan_stack(fronts: Sequence[Front]) -> tuple[list[int], int]:
+    """Return where each front leaves what its parent takes up, and the numbers that there must be room for.
+
+    Fronts of odd and even depth have a stack each, at both ends of the room: what a front takes up lies on top of one
+    while it leaves its own on the other.
+    """
+    depth = [0] * len(fronts)
+    for k in range(len(fronts) - 1, -1, -1):
+        for child in fronts[k].children:
+            depth[child] = depth[k] + 1
+    begins, tops, room = [], [0, 0], 0
+    for front, level in zip(fronts, depth, strict=True):
+        begins.append(tops[level % 2])
+        tops[level % 2] += len(front.below) ** 2
+        room = max(room, sum(tops))
+        tops[1 - level % 2] -= sum(len(fronts[child].below) ** 2 for child in front.children)
+    turned = [room - begin - len(front.below) ** 2 for begin, front in zip(begins, fronts, strict=True)]
+    return [(turned if level % 2 else begins)[k] for k, level in enumerate(depth)], room
+
+
+def factorise_fronts(A: sp.csr_array, order: IntArray, fronts: Sequence[Front]) -> Callable[[Array], Array]:
+    """Factorise a symmetric positive definite matrix by fronts; returns the solve, which takes many loads at a time.
+
+    Parameters
+    ----------
+    A : sparse array, shape (n, n)
+        The matrix, both triangles.
+    order : ndarray of int, shape (n,)
+        Its unknowns in the fronts' order.
+
+    Raises
+    ------
+    AccuracyError
+        A is not positive definite.
+    """
+    n = A.shape[0]
+    place, local, places = (np.zeros(n, dtype=np.int64) for _ in range(3))
+    place[order] = np.arange(n)
+    matrix = (A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data, order.astype(np.int64), place)
+    begins, room = plan_stack(fronts)
+    kept, stack = np.empty(sum(front.entries for front in fronts)), np.empty(room)
+
+    def rest(k: int) -> Array:
+        width = len(fronts[k].below)
+        return stack[begins[k] : begins[k] + width**2].reshape(width, width)
+
+    parts, begin = [], 0
+    for k, front in enumerate(fronts):
+        middle, end = begin + front.width**2, begin + front.entries
+        kept[begin:end] = 0.0
+        D, B, U = kept[begin:middle].reshape(front.width, -1), kept[middle:end].reshape(front.width, -1), rest(k)
+        U[:] = 0.0
+        begin = end
+        _gather(*matrix, local, front.first, front.below, D, B)
+        for child in front.children:
+            _extend(fronts[child].below, rest(child), local, places, D, B, U)
+        # Columns lie in rows here, which are columns to LAPACK, and it writes into them.
+        _, wrong = dpotrf(D.T, lower=1, overwrite_a=1, clean=0)
+        if wrong:
+            raise AccuracyError(
+                f"the shifted stiffness is not positive definite: the factor ends at pivot {front.first + wrong}"
+            )
+        if B.size:
+            dtrsm(1.0, D.T, B.T, side=1, lower=1, trans_a=1, overwrite_b=1)
+            dsyrk(-1.0, B.T, 1.0, U.T, lower=1, overwrite_c=1)
+        parts.append((slice(front.first, front.first + front.width), front.below, D.T, B))
+
+    def solve(f: Array) -> Array:
+        x = f.reshape(n, -1).T[:, order]
+        if not x.size:
+            return f.copy()
+        for own, below, L, B in parts:
+            x[:, own] = y = dtrsm(1.0, L, x[:, own].T, lower=1).T
+            x[:, below] -= y @ B
+        for own, below, L, B in reversed(parts):
+            x[:, own] = dtrsm(1.0, L, (x[:, own] - x[:, below] @ B.T).T, lower=1, trans_a=1).T
+        u = np.empty_like(x)
+        u[:, order] = x
+        return np.ascontiguousarray(u.T).reshape(f.shape)
+
+    return solve
+
+
+def _entries(height: int, width: int) -> int:
+    """Count the entries of columns that begin one below the other."""
+    return width * height - width * (width - 1) // 2
+
+
+@kernel
+def _gather(
+    indptr: IntArray,
+    indices: IntArray,
+    data: Array,
+    order: IntArray,
+    place: IntArray,
+    local: IntArray,
+    first: int,
+    below: IntArray,
+    D: Array,
+    B: Array,
+) -> None:
+    """Set the columns of a front, rows of D and B, to the matrix' own, and ``local`` to its rows' places."""
+    width = len(D)
+    for i in range(width):
+        local[first + i] = i
+    for i in range(len(below)):
+        local[below[i]] = width + i
+    for column in range(width):
+        unknown = order[first + column]
+        for k in range(indptr[unknown], indptr[unknown + 1]):
+            p = place[indices[k]]
+            if p >= first + column:
+                row = local[p]
+                if row < width:
+                    D[column, row] += data[k]
+                else:
+                    B[column, row - width] += data[k]
+
+
+@kernel
+def _extend(rows: IntArray, left: Array, local: IntArray, places: IntArray, D: Array, B: Array, U: Array) -> None:
+    """Add what a child has left to the front of its parent."""
+    n, width, own = len(rows), len(D), 0
+    for i in range(n):
+        places[i] = local[rows[i]]
+        if places[i] < width:
+            own = i + 1
+    for j in range(own):
+        column = places[j]
+        for i in range(j, own):
+            D[column, places[i]] += left[j, i]
+        for i in range(own, n):
+            B[column, places[i] - width] += left[j, i]
+    for j in range(own, n):
+        column = places[j] - width
+        for i in range(j, n):
+            U[column, places[i] - width] += left[j, i]
