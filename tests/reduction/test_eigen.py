@@ -333,6 +333,25 @@ def test_static_responses_say_how_far_they_are(small_bar: FEModel) -> None:
     assert shares[-1] == max(shares) > 0.9
 
 
+def test_loads_are_answered_once(small_bar: FEModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    f = np.random.default_rng(2).standard_normal((*small_bar.x.shape, 5))
+    f[0, 0, 1] = 0.0
+    solver, solved = FreeBodySolver(small_bar), list[int]()
+    every = solver.static_response(f)
+    places = {f[..., k].tobytes(): k for k in range(5)}
+
+    def answer(loads: Array, _: Any) -> Array:
+        solved.append(loads.shape[2])
+        return every[:, :, [places[loads[..., k].tobytes()] for k in range(loads.shape[2])]]
+
+    monkeypatch.setattr(solver, "static_response", answer)
+    assert np.array_equal(solver.remembered_response(f[..., [0, 1, 2, 1]]), every[..., [0, 1, 2, 1]])
+    f[0, 0, 1] = -0.0
+    assert np.array_equal(solver.remembered_response(f), every)
+    assert solver.remembered_response(f[..., :0]).shape == (*small_bar.x.shape, 0)
+    assert solved == [3, 2]
+
+
 def test_alike_loads_share_their_search_and_answer_each_alone(small_bar: FEModel) -> None:
     # each column by itself is the independent path: a search along one direction at a time
     f = np.random.default_rng(3).standard_normal((len(small_bar.x), 3, 6))

@@ -9,7 +9,11 @@ import pytest
 
 from fmd import Pipeline, Result, load_scene, solve
 from fmd.core.cache import Cache
+from fmd.fem.model import FEModel
 from fmd.output.explain import forecast_run
+from fmd.reduction import eigen
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.scene.variants import change_modes
 from fmd.stages.store import StageStore
 
 BLADES = """
@@ -134,3 +138,37 @@ def test_a_shared_result_is_read_once_and_forecast_as_that_of_the_first_body(tmp
     again = open_blades(tmp_path, Cache(tmp_path / "cache"))
     assert again.parts["two"].modes is again.parts["one"].modes
     assert computed["modes"] == 2
+
+
+def test_variants_with_more_modes_share_factor_and_static_responses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the variant was made before its first one had any: the bodies are those that each has by itself."""
+    made, solved = list[int](), list[int]()
+    init, solve = FreeBodySolver.__init__, eigen.solve_balanced
+
+    def count_solvers(self: FreeBodySolver, fe: FEModel, *rest: Any, **named: Any) -> None:
+        made.append(fe.K.shape[0])
+        init(self, fe, *rest, **named)
+
+    def count_loads(K: Any, M: Any, R: Any, inverse: Any, f: Any, advance: Any) -> Any:
+        solved.append(f.shape[1])
+        return solve(K, M, R, inverse, f, advance)
+
+    monkeypatch.setattr(FreeBodySolver, "__init__", count_solvers)
+    monkeypatch.setattr(eigen, "solve_balanced", count_loads)
+    scene = load_scene("beam", ["body.beam.mesh.divisions=[6, 1, 1]"])
+    richer = change_modes(scene, lambda body: {"count": body.modes.count + 2})
+    alone = Pipeline(richer, Cache(None)).part.stiffened
+    first = Pipeline(scene, Cache(None))
+    variant = first.variant(richer)
+    made.clear(), solved.clear()
+    own = variant.part.stiffened
+    before = len(solved)
+    assert first.part.stiffened.shapes.shape[2] == own.shapes.shape[2] - 2
+    assert (len(made), len(solved)) == (1, before)
+    for name in ("G", "stiffening", "displacement2", "rotation2"):
+        one, other = getattr(own.integrals, name), getattr(alone.integrals, name)
+        assert np.array_equal(one, other), name
+    other = first.variant(
+        scene.model_copy(update={"body": {"beam": scene.body["beam"].model_copy(update={"E": 2e11})}})
+    )
+    assert other.part.model is not first.part.model

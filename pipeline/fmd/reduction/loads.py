@@ -135,7 +135,7 @@ def enrich_modes(
     """
     Phi = modes.shapes.reshape(fe.K.shape[0], -1)
     B = None if constraints is None else constraints.reshape(fe.K.shape[0], -1)
-    basis, response = Phi, solver.static_response(loads)
+    basis, response = Phi, solver.remembered_response(loads)
     for generation in range(generations):
         U = (solver.inertia_response(response) if generation else response).reshape(fe.K.shape[0], -1)
         U = _new_part(basis, U if B is None else _constrained_fields(U, fe, B), fe, least)

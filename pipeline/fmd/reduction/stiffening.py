@@ -122,11 +122,12 @@ class _Support:
             B = np.zeros((len(R), 0)) if constraints is None else constraints.reshape(len(R), -1)
             moves = R @ np.linalg.svd(B.T @ R)[2][np.linalg.matrix_rank(B.T @ R) if B.shape[1] else 0 :].T
             self._tests, self._balance = R, np.concatenate([B, fe.M @ moves], axis=1)
+            self._bending = B  # the inertia of moving as a whole is balanced by itself
             if constraints is not None and moves.size:
                 self._held = _turned_face(body.markers[body.joint], body.x, constraints)
         else:  # supports answer to any load, and the frame floats about the joint
             self._tests = np.cross(free, body.x[:, None]).swapaxes(1, 2).reshape(fe.M.shape[0], -1)
-            self._balance = fe.M @ self._tests
+            self._balance = self._bending = fe.M @ self._tests
 
     def geometric_stiffness(self, loads: Array, elements: bool, advance: Advance) -> Array:
         """Return the geometric stiffness of the body's shapes under nodal loads (n_nodes, 3, k), shape (k, n, n)."""
@@ -135,9 +136,9 @@ class _Support:
         reactions = np.linalg.lstsq(T.T @ P, T.T @ flat, rcond=None)[0] if P.size else np.zeros((0, flat.shape[1]))
         rest = flat - P @ reactions
         felt = np.flatnonzero(np.abs(rest).max(axis=0) > SOLVED * np.abs(flat).max(axis=0))
-        u = self._solver.static_response(
-            rest[:, felt].reshape(*loads.shape[:2], -1), lambda done: advance(SOLVING * done)
-        )
+        each = np.concatenate([flat[:, felt], self._bending], axis=1).reshape(*loads.shape[:2], -1)
+        answers = self._solver.remembered_response(each, lambda done: advance(SOLVING * done))
+        u = answers[:, :, : len(felt)] - answers[:, :, len(felt) :] @ reactions[: self._bending.shape[1], felt]
         out = np.zeros((flat.shape[1], self._shapes.shape[2], self._shapes.shape[2]))
         entries = max(ENTRIES_AT_ONCE, FEW_ENTRIES // max(1, self._shapes.shape[0]))
         at_a_time = max(1, entries // self._fe.local_pairs)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from fmd.stages.part_inputs import (
     contact_inputs,
     digest_of_body,
     mesh_inputs,
+    model_inputs,
     modes_inputs,
 )
 from fmd.stages.stage import ALL_PACKAGES, Stage, stages_of
@@ -62,7 +63,25 @@ _TEETH = (*_SHAPES, *_REDUCTION, *_STRESS, "fmd/contact/gear_pair.py", "fmd/stag
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
 _OF_THE_PART = ("shape", "joint", "contact_faces", "frame", "stiffening")  # and its files: all that its results are of
-_OF_THE_MODEL = ("space", "markers", "fixed", "model")
+T = TypeVar("T")
+
+
+class InCommon(Generic[T]):
+    """Attribute that is found once for all variants of a part with the same matrices, markers and joint.
+
+    So modes of another number take no second factor, and no second answers to the same loads.
+    """
+
+    def __init__(self, find: Callable[[FlexiblePart], T]) -> None:
+        self._find, self.__doc__ = find, find.__doc__
+
+    @overload
+    def __get__(self, part: None, kind: type) -> InCommon[T]: ...
+    @overload
+    def __get__(self, part: FlexiblePart, kind: type) -> T: ...
+    def __get__(self, part: FlexiblePart | None, kind: type) -> InCommon[T] | T:
+        """Return the attribute of a part."""
+        return self if part is None else part.find_in_common(self._find.__name__, lambda: self._find(part))
 
 
 def _has_mesh(part: FlexiblePart) -> bool:
@@ -170,10 +189,17 @@ class FlexiblePart(KeyedPart):
         if like is not None and like.key("modes") == self.key("modes"):
             same = all(getattr(like, name) == getattr(self, name) for name in _OF_THE_PART)
             self.results |= {stage: x for stage, x in like.results.items() if same or stage in _OF_THE_MODES}
-            if (like.shape.marker, like.joint) == (self.shape.marker, self.joint):
-                self.__dict__ |= {name: value for name, value in vars(like).items() if name in _OF_THE_MODEL}
+        alike = like is not None and model_inputs(like) == model_inputs(self)
+        self.common: dict[str, Any] = like.common if like is not None and alike else {}
         if modes is not None:
             self.results["modes"] = modes
+
+    def find_in_common(self, name: str, find: Callable[[], T]) -> T:
+        """Return what variants of the part with the same matrices, markers and joint have in common, found once."""
+        if name not in self.common:
+            self.common[name] = find()
+        found: T = self.common[name]
+        return found
 
     def key(self, stage: str) -> str:
         """Return the key that a stage's result is kept under; empty if it never is."""
@@ -227,7 +253,7 @@ class FlexiblePart(KeyedPart):
             return file_notes(self.fe)
         return self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
 
-    @cached_property
+    @InCommon
     def space(self) -> AnySpace:
         """Nodes and elements, without matrices."""
         from fmd.fem.joined import JoinedMesh, JoinedSpace
@@ -274,7 +300,7 @@ class FlexiblePart(KeyedPart):
         volumes, material = self.space.volumes, self.material
         return float(sum(own.rho * volumes[mine].sum() for own, mine in material.over(slice(None)))) + linked
 
-    @cached_property
+    @InCommon
     def markers(self) -> dict[str, Marker]:
         """Markers on the finite element model, by name."""
         from fmd.stages.markers import clamp_broad, place_link_markers, place_markers, place_node_markers
@@ -291,14 +317,14 @@ class FlexiblePart(KeyedPart):
             return place_file_markers(self.fe, self.shape, self.file, self.name)
         return place_node_markers(self.shape, self.given_model, self.file, self.name)
 
-    @cached_property
+    @InCommon
     def fixed(self) -> IntArray | None:
         """Unknowns that the supports fix, shape (n_fixed,); ``None`` if there are none."""
         from fmd.stages.markers import fixed_unknowns
 
         return fixed_unknowns(self.shape, self.space, self.file, self.name) if self.shape.support else None
 
-    @cached_property
+    @InCommon
     def model(self) -> ConstrainedModel:
         """The finite element model with its markers, supports and joint."""
         from fmd.stages.basis import ConstrainedModel, choose_factorisation

@@ -66,6 +66,20 @@ def assembly_inputs(part: KeyedPart) -> Any:
     return _identify(part, dict.fromkeys(("modes", "marker", "support", "element"), True))
 
 
+def model_inputs(part: KeyedPart) -> Any:
+    """Return what the matrices with markers, supports and joint depend on, and the solver of them."""
+    shape, clamped = part.shape, part.has_default_clamp
+    return (
+        assembly_inputs(part),
+        shape.marker,
+        shape.support,
+        part.joint,
+        clamped,
+        shape.modes.solver,
+        shape.modes.ranks,
+    )
+
+
 def _identify(part: KeyedPart, without: dict[str, Any]) -> Any:
     """Return all that a stage's result depends on: a part's table but for some keys, its files and its piece."""
     without |= {"pieces": True, "sections": True}  # which a piece's mesh and markers know

@@ -43,6 +43,10 @@ def compute_mesh(part: FlexiblePart) -> AnyMesh:
 
 def assemble(part: FlexiblePart) -> FEModel:
     """Assemble stiffness and mass of a part, with its links, or read them."""
+    return part.find_in_common("assembly", lambda: _assemble(part))
+
+
+def _assemble(part: FlexiblePart) -> FEModel:
     from fmd.fem.assembly import assemble
 
     if part.is_reduced:
