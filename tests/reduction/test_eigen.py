@@ -325,12 +325,20 @@ def test_a_static_response_is_in_balance_and_free_of_rigid_motion(small_bar: FEM
     assert np.abs(R.T @ (M @ u)).max() < 1e-10 * np.abs(M @ u).sum()
 
 
-def test_static_responses_say_how_far_they_are(small_bar: FEModel) -> None:
-    shares: list[float] = []
-    f = np.random.default_rng(1).standard_normal((*small_bar.x.shape, 3))
-    FreeBodySolver(small_bar).static_response(f, shares.append)
-    assert 0.0 < min(shares) < 0.9
-    assert shares[-1] == max(shares) > 0.9
+def test_static_responses_and_modes_say_how_far_they_are(small_bar: FEModel) -> None:
+    solver, answers, modes = FreeBodySolver(small_bar), list[float](), list[float]()
+    with solver.telling(answers.append):
+        solver.static_response(np.random.default_rng(1).standard_normal((*small_bar.x.shape, 3)))
+        with solver.telling(modes.append):
+            solver.modes(8)
+    solver.modes(4)  # after which nobody asks
+    assert answers[0] == modes[0] == 0.0
+    assert 0.0 < answers[1] < 0.9
+    assert answers[-1] == max(answers) > 0.9
+    assert 0.0 < modes[1] < 0.1
+    assert len(modes) > 20
+    assert modes == sorted(modes)
+    assert 0.3 < modes[-1] <= 1.0  # a restart more or less
 
 
 def test_loads_are_answered_once(small_bar: FEModel, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -340,7 +348,7 @@ def test_loads_are_answered_once(small_bar: FEModel, monkeypatch: pytest.MonkeyP
     every = solver.static_response(f)
     places = {f[..., k].tobytes(): k for k in range(5)}
 
-    def answer(loads: Array, _: Any) -> Array:
+    def answer(loads: Array) -> Array:
         solved.append(loads.shape[2])
         return every[:, :, [places[loads[..., k].tobytes()] for k in range(loads.shape[2])]]
 

@@ -20,7 +20,9 @@ from fmd.accuracy.mesh_excess import add_across, combine_modes, energy_excess
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array
 from fmd.core.limits.errors import SAFETY
+from fmd.core.limits.patience import OF_TWO_MESHES
 from fmd.core.limits.responses import ERROR_BANDS, ERROR_DECADES, FINE_RATIO, POINTS_OF_BAND
+from fmd.core.progress import Advance
 from fmd.responses.random_vibration import random_response
 from fmd.responses.state_space import choose_frequencies
 from fmd.scene.variants import change_modes
@@ -81,7 +83,10 @@ def estimate_response_errors(
     """
     try:
         lowest = float(frequencies_hz[0])
-        found = run.store.compute("errors of responses", lambda: _find_variants(run, linear, request, lowest))
+        with run.store.monitor("errors of responses") as advance:
+            found = run.store.compute(
+                "errors of responses", lambda: _find_variants(run, linear, request, lowest, advance)
+            )
     except FAULTS as fault:  # of a variant: the response itself is there
         found = f"{fault}"
     if isinstance(found, str):
@@ -128,11 +133,13 @@ def _change_by_shift(found: _Variants, frequencies_hz: Array, response: Array, t
     return np.abs(found.rich.frequency_response(shifted) - response)
 
 
-def _find_variants(run: Pipeline, linear: LinearModel, request: Request, lowest: float) -> _Variants | str:
+def _find_variants(
+    run: Pipeline, linear: LinearModel, request: Request, lowest: float, advance: Advance
+) -> _Variants | str:
     """Return the variants of a run that errors come from, or why there are none."""
     if not run.parts:
         return _Variants(linear, linear, np.zeros_like, np.zeros(linear.model.D.shape))
-    shifted = shift_frequencies(run)
+    shifted = shift_frequencies(run, lambda done: advance(OF_TWO_MESHES * done))
     if isinstance(shifted, str):
         return shifted
     pair, rich = shifted.pair, linearise_scene(shifted.pair.run, *request)
@@ -160,15 +167,19 @@ class FrequencyShift:
         return np.asarray(np.interp(frequencies_hz, self.hertz, 0.5 * self.excess))
 
 
-def shift_frequencies(run: Pipeline) -> FrequencyShift | str:
+def shift_frequencies(run: Pipeline, advance: Advance = lambda done: None) -> FrequencyShift | str:
     """Return what the mesh does to the frequencies of a run's flexible bodies, or why that isn't known."""
     lacking = [name for name, part in run.parts.items() if part.is_reduced or not part.has_mesh]
     if lacking:
         return f"{lacking[0]} has no mesh, and tells nothing of its own error"
     richer = run.variant(change_modes(run.scene, lambda body: {"count": 2 * body.modes.count + 2}))
+    for k, part in enumerate(richer.parts.values(), start=1):
+        assert part.modes is not None  # which makes them
+        advance(0.5 * k / len(richer.parts))
     pair = make_coarse_pair(richer)
     if isinstance(pair, str):
         return pair.removeprefix("not estimated: ")
+    advance(1.0)
     return FrequencyShift(pair, *_excess_of_modes(richer, pair))
 
 

@@ -14,6 +14,8 @@ import numpy as np
 from fmd.accuracy.response_errors import SHIFTS, shift_frequencies, total_error
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array
+from fmd.core.limits.patience import OF_TWO_MESHES, WITH_RATES
+from fmd.core.progress import Advance
 from fmd.stages.rotor import find_vibrations
 from fmd.stages.whirl_tables import without_whirl_tables
 
@@ -21,20 +23,24 @@ if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
 
 
-def estimate_frequency_errors(run: Pipeline, rates: Array, frequencies_hz: Array) -> Array | str:
+def estimate_frequency_errors(
+    run: Pipeline, rates: Array, frequencies_hz: Array, advance: Advance = lambda done: None
+) -> Array | str:
     """Estimate the errors of a rotor's frequencies (n_rates, n_modes) [Hz] at some rates, or say why there is none.
 
     Rates (n_rates,) [rad/s] ascend, and frequencies at each of them; they aren't numbers where a rate has fewer.
+    ``advance`` takes the part that is done.
     """
     if not run.parts:
         return np.zeros_like(frequencies_hz)
     try:
-        shift = shift_frequencies(without_whirl_tables(run))
+        shift = shift_frequencies(without_whirl_tables(run), lambda done: advance(OF_TWO_MESHES * done))
         if isinstance(shift, str):
             return shift
         richer = shift.pair.run.variant(shift.pair.run.scene.model_copy(update={"bearing": run.scene.bearing}))
         vibrations, more = find_vibrations(richer, float(rates[-1])), np.full_like(frequencies_hz, np.nan)
         for k, rate in enumerate(rates.tolist()):
+            advance(WITH_RATES + (1.0 - WITH_RATES) * k / len(rates))
             there = vibrations(rate).frequencies_hz[: frequencies_hz.shape[1]]
             more[k, : len(there)] = there
     except FAULTS as fault:  # of a variant: the frequencies themselves are there
@@ -63,15 +69,19 @@ class RicherOrbits:
 
 
 def find_richer_orbits(
-    run: Pipeline, respond: Callable[[Pipeline], Callable[[float], Array]], highest: float, order: float
+    run: Pipeline,
+    respond: Callable[[Pipeline], Callable[[float], Array]],
+    highest: float,
+    order: float,
+    advance: Advance = lambda done: None,
 ) -> RicherOrbits | str:
     """Find by which variants a run's orbits have errors up to a rate [rad/s], or why there are none.
 
     ``respond`` returns of a run a function from a rate [rad/s] to the radii there [m], (n_markers,); ``order`` is how
-    often the force goes round in a turn.
+    often the force goes round in a turn, and ``advance`` takes the part that is done.
     """
     try:
-        shift = shift_frequencies(run) if run.parts else None
+        shift = shift_frequencies(run, lambda done: advance(OF_TWO_MESHES * done)) if run.parts else None
         if isinstance(shift, str):
             return shift
         if shift is None:  # all is rigid

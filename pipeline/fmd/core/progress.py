@@ -32,14 +32,26 @@ def silent(name: str) -> Iterator[Advance]:
 
 @dataclass(eq=False)
 class _Task:
-    """A task that is open; what is done of it never grows less, though methods that are tried begin anew."""
+    """A task that is open; what is done of it never grows less, though methods that are tried begin anew.
+
+    What is left is by the pace since it was first told that nothing is done, which comes after what can't be counted.
+    """
 
     name: str
     begun: float
     done: float = 0.0
+    told: float = 0.0  # when it last grew
 
     def advance(self, done: float) -> None:
-        self.done = max(self.done, done)
+        if not self.done:
+            self.begun = time.monotonic() if done == 0.0 else self.begun
+        if done > self.done:
+            self.done, self.told = done, time.monotonic()
+
+    def left(self, now: float) -> float:
+        """Return the seconds that are left by the pace up to when it last grew, or up to now where that has passed."""
+        elapsed, whole = now - self.begun, (self.told - self.begun) / self.done
+        return whole - elapsed if whole > elapsed else elapsed * (1.0 / self.done - 1.0)
 
 
 class Bars:
@@ -91,7 +103,7 @@ class Bars:
         task = next((each for each in tasks if each.done), tasks[-1])
         share = f", {100 * task.done:.0f} %" if task.done else ""
         if 0.0 < task.done < 1.0:
-            share += f", about {(self._said - task.begun) * (1.0 / task.done - 1.0):.0f} s left"
+            share += f", about {task.left(self._said):.0f} s left"
         return f"{self._said - self._begun:.0f} s: {task.name}{share}\n"
 
 

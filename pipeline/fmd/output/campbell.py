@@ -69,9 +69,9 @@ class CampbellDiagram:
 
     def with_errors(self, run: Pipeline) -> CampbellDiagram:
         """Return the diagram with the errors of its frequencies, or why none are stated."""
-        errors = run.store.compute(
-            "errors of frequencies", lambda: estimate_frequency_errors(coupled(run), self.rates, self.frequencies_hz)
-        )
+        found, name = (self.rates, self.frequencies_hz), "errors of frequencies"
+        with run.store.monitor(name) as advance:
+            errors = run.store.compute(name, lambda: estimate_frequency_errors(coupled(run), *found, advance))
         return replace(self, errors_hz=errors)
 
     @property

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from hashlib import blake2b
 from typing import TYPE_CHECKING, Any
 
@@ -102,6 +104,16 @@ class FreeBodySolver:
         self.shift, self._factor = self._shifted_factor()
         self._inverse = self._factor.solve
         self._responses: dict[bytes, Array] = {}
+        self._advance: Advance = lambda done: None
+
+    @contextmanager
+    def telling(self, advance: Advance) -> Iterator[None]:
+        """Tell ``advance`` the part of modes or static responses that is done, 0 as their solutions begin."""
+        before, self._advance = self._advance, advance
+        try:
+            yield
+        finally:
+            self._advance = before
 
     def modes(self, count: int, constraints: Array | None = None) -> EigenPairs:
         """Return the ``count`` lowest elastic modes, or all that a small mesh has.
@@ -145,15 +157,13 @@ class FreeBodySolver:
         n_elastic: int = n - B.shape[1] - self._rigid_modes_left(B).shape[1]
         return n_elastic if n <= MOST_DENSE else (n_elastic - 1) // 2
 
-    def static_response(self, f: Array, advance: Advance = lambda done: None) -> Array:
+    def static_response(self, f: Array) -> Array:
         """Solve ``K u = f`` for loads in equilibrium with the rigid acceleration they cause (inertia relief).
 
         Parameters
         ----------
         f : ndarray, shape (n_nodes, 3, n_loads)
             Nodal loads [N]; what accelerates the body as a whole is balanced by its inertia.
-        advance : callable
-            Takes the part that is done.
 
         Returns
         -------
@@ -165,7 +175,8 @@ class FreeBodySolver:
         AccuracyError
             The residual stayed above its limit.
         """
-        return self._nodal(solve_balanced(self._K, self._M, self._R, self._inverse, self._loads(f), advance))
+        self._advance(0.0)
+        return self._nodal(solve_balanced(self._K, self._M, self._R, self._inverse, self._loads(f), self._advance))
 
     def flexibility(self, nodes: IntArray) -> Array:
         """Return the displacements of nodes by unit forces on each, ``Bᵀ K⁺ B`` (3 n, 3 n) [m/N].
@@ -183,7 +194,7 @@ class FreeBodySolver:
             G[:, columns] = (self.static_response(f) if u is None else self._nodal(u))[nodes].reshape(size, -1)
         return 0.5 * (G + G.T)
 
-    def remembered_response(self, f: Array, advance: Advance = lambda done: None) -> Array:
+    def remembered_response(self, f: Array) -> Array:
         """Return `static_response` of loads, of which only those are solved for that it hasn't had before.
 
         A basis and its stiffening, and those of bases with more modes, are bent by the same loads.
@@ -192,7 +203,7 @@ class FreeBodySolver:
         names = [blake2b(row.tobytes()).digest() for row in rows]
         new = {name: k for k, name in enumerate(names) if name not in self._responses}
         if new:
-            found = self.static_response(f[:, :, list(new.values())], advance)
+            found = self.static_response(f[:, :, list(new.values())])
             self._responses |= {name: read_only(found[:, :, k].copy()) for k, name in enumerate(new)}
         return np.stack([self._responses[name] for name in names], axis=2) if names else np.zeros_like(f)
 
@@ -268,10 +279,13 @@ class FreeBodySolver:
         )
 
     def _lanczos(self, count: int, n_vectors: int, Z: Array, inverse: Inverse, seed: int) -> tuple[Array, Array]:
-        MZ = self._M @ Z
+        MZ, expected = self._M @ Z, 2 * n_vectors - count  # solutions, if it restarts once
+        solved = itertools.count(1)
+        self._advance(0.0)
 
         def solve(f: Array) -> Array:
             x = inverse(f)
+            self._advance(min(next(solved) / expected, 1.0))
             return np.asarray(x - Z @ (MZ.T @ x))
 
         start = np.random.default_rng(seed).standard_normal(len(Z))

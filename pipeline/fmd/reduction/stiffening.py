@@ -137,7 +137,8 @@ class _Support:
         rest = flat - P @ reactions
         felt = np.flatnonzero(np.abs(rest).max(axis=0) > SOLVED * np.abs(flat).max(axis=0))
         each = np.concatenate([flat[:, felt], self._bending], axis=1).reshape(*loads.shape[:2], -1)
-        answers = self._solver.remembered_response(each, lambda done: advance(SOLVING * done))
+        with self._solver.telling(lambda done: advance(SOLVING * done)):
+            answers = self._solver.remembered_response(each)
         u = answers[:, :, : len(felt)] - answers[:, :, len(felt) :] @ reactions[: self._bending.shape[1], felt]
         out = np.zeros((flat.shape[1], self._shapes.shape[2], self._shapes.shape[2]))
         entries = max(ENTRIES_AT_ONCE, FEW_ENTRIES // max(1, self._shapes.shape[0]))

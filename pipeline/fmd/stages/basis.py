@@ -108,7 +108,9 @@ def compute_modes(model: ConstrainedModel, settings: AnyModes) -> Modes:
         return modes_of_family(solver, model.fe, count, settings.family, np.array(model.joint.axis), reaction)
 
 
-def reduce_body(model: ConstrainedModel, modes: Modes, settings: AnyModes, frame: str) -> FlexibleBody:
+def reduce_body(
+    model: ConstrainedModel, modes: Modes, settings: AnyModes, frame: str, advance: Advance = lambda done: None
+) -> FlexibleBody:
     """Reduce a body to its modes and static responses, with the frame that its joint asks for.
 
     What is on rigid arms moves in second order, too, whatever the scene says about stiffening.
@@ -123,16 +125,19 @@ def reduce_body(model: ConstrainedModel, modes: Modes, settings: AnyModes, frame
         raise InputError(
             model.file, f"body.{model.name}", None, f"hangs on no joint: it has modes, but no motion; {mend}"
         )
-    body = _on_its_joint(model, modes, settings, frame)
+    body = _on_its_joint(model, modes, settings, frame, advance)
     return body if model.fe.arms is None else stiffen_reduced(model, body, elements=False)
 
 
-def _on_its_joint(model: ConstrainedModel, modes: Modes, settings: AnyModes, frame: str) -> FlexibleBody:
+def _on_its_joint(
+    model: ConstrainedModel, modes: Modes, settings: AnyModes, frame: str, advance: Advance
+) -> FlexibleBody:
     """Reduce a body to first order, with the frame that its joint asks for."""
     fe, markers, joint, fixed = model.fe, model.markers, model.joint, model.fixed
     omega, shapes = modes.omega, modes.shapes
     if settings.enrich != "none":
-        omega, shapes = _enriched_shapes(model, modes, settings)
+        with model.solver.telling(advance):
+            omega, shapes = _enriched_shapes(model, modes, settings)
     common = (fe, omega, shapes, markers, joint.marker)
     if fixed is not None:
         _require_fixed(model, modes, fixed)

@@ -77,7 +77,8 @@ def compute_modes(part: FlexiblePart) -> Modes:
     if part.is_reduced:
         return modes_of_file(part.fe)
     try:
-        modes = compute_modes(part.model, part.shape.modes)
+        with part.store.monitor("modes") as advance, part.model.solver.telling(advance):
+            modes = compute_modes(part.model, part.shape.modes)
     except AccuracyError as error:
         if hinges := [note for note in part.mesh_notes if note.endswith(HINGE_MEND)]:
             raise InputError(part.file, f"body.{part.name}.mesh", None, f"{error}; {'; '.join(hinges)}") from error
@@ -92,7 +93,9 @@ def reduce(part: FlexiblePart) -> FlexibleBody:
 
     if part.is_reduced:
         return reduce_file_body(part.model, part.modes, part.shape, part.frame, part.stiffening)
-    return reduce_body(part.model, part.modes, part.shape.modes, part.frame)
+    modes = part.modes  # whose stage has its own progress
+    with part.store.monitor("body") as advance:
+        return reduce_body(part.model, modes, part.shape.modes, part.frame, advance)
 
 
 def stiffen(part: FlexiblePart) -> SecondOrder:
