@@ -86,20 +86,21 @@ def test_short_marches_are_repeated_by_turns_until_they_fill_a_while() -> None:
         turns.append(label)
         return replace(FOUND, seconds=seconds)
 
-    spent = {"long": 0.5, "short": 0.009, "shorter": 0.0079}
+    spent = {"long": 0.5, "middling": 0.08, "short": 0.009, "shorter": 0.0079}
     found = {label: replace(FOUND, seconds=seconds) for label, seconds in spent.items()}
     again = {label: partial(march, label, each.seconds * 0.75) for label, each in found.items()}
     timed = time_by_turns(found, again)
-    assert turns == ["short", "shorter", "short", "shorter", "shorter"]
-    assert [each.seconds for each in timed.values()] == pytest.approx([0.5, 0.00675, 0.005925])
-    assert [each.spread for each in timed.values()] == pytest.approx([0.0, 0.0, 0.0], abs=0.01)
+    assert turns == ["middling", "short", "shorter", "middling", "short", "shorter", "shorter"]
+    assert [each.seconds for each in timed.values()] == pytest.approx([0.5, 0.06, 0.00675, 0.005925])
+    assert [each.spread for each in timed.values()] == pytest.approx([0.0, 0.0, 0.0, 0.0], abs=0.01)
 
 
 def test_no_ratio_within_the_spread_is_shown() -> None:
     row = {"seconds": 0.00123, "ratio_to_plain": 0.9, "spread": 0.05}
-    assert run_time(row) == ("1.23 ms", "0.90")
-    assert run_time(row | {"spread": 0.2}) == ("1.23 ms (median +20 %)", "–")
-    assert run_time(row | {"ratio_to_plain": 1.0, "spread": 0.2})[1] == "1.00"
+    assert run_time(row, row) == ("1.23 ms", "0.90")
+    assert run_time(row | {"spread": 0.2}, row) == ("1.23 ms (median +20 %)", "–")
+    assert run_time(row, row | {"spread": 0.2}) == ("1.23 ms", "–")
+    assert run_time(row | {"ratio_to_plain": 1.0, "spread": 0.2}, row)[1] == "1.00"
 
 
 def test_a_march_too_short_for_the_clock_has_no_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,4 +108,4 @@ def test_a_march_too_short_for_the_clock_has_no_ratio(monkeypatch: pytest.Monkey
     monkeypatch.setattr(time, "perf_counter", lambda: 1.0)
     rows = summarise(run, [], budget=False)["integrations"]
     assert [row["seconds"] for row in rows] == [0.0, 0.0, 0.0]
-    assert [run_time(row)[1] for row in rows] == ["–", "–", "–"]
+    assert [run_time(row, rows[0])[1] for row in rows] == ["–", "–", "–"]

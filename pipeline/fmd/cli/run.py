@@ -161,7 +161,7 @@ def _print_integrations(summary: dict[str, Any]) -> None:
         (
             row["integrator"] + (f" {row['substeps']}:1" if row["substeps"] > 1 else ""),
             scaled(row["step_s"], "s", 3),
-            *run_time(row),
+            *run_time(row, summary["integrations"][0]),
             f"{row['evaluations']} + {row['fast_evaluations']}",
             scaled(row["tip_difference_m"], "m", 3),
         )

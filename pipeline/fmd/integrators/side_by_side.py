@@ -10,7 +10,7 @@ from dataclasses import replace
 from statistics import median
 
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.stepping import MOST_REPEATS, REPEATED_SECONDS
+from fmd.core.limits.stepping import LEAST_REPEATS, MOST_REPEATS, REPEATED_SECONDS, THRICE_SECONDS
 from fmd.integrators.protocol import Progress, Trajectory
 
 March = Callable[[Progress | None], Trajectory]
@@ -67,12 +67,12 @@ def time_by_turns(
 ) -> dict[str, Trajectory]:
     """Return trajectories with the least of several run times, and their spread.
 
-    Short marches are repeated, one after the other by turns, until each has filled a while: a march of a millisecond by
-    itself tells more of what else the machine does.
+    Short marches are repeated, one after the other by turns, three times and until each has filled a while: a march of
+    a millisecond by itself tells more of what else the machine does.
     """
     seconds = {label: [trajectory.seconds] for label, trajectory in found.items()}
     for _ in range(MOST_REPEATS):
-        short = [label for label, times in seconds.items() if sum(times) < REPEATED_SECONDS]
+        short = [label for label, times in seconds.items() if _is_short(times)]
         if not short:
             break
         for label in short:
@@ -82,6 +82,10 @@ def time_by_turns(
         label: replace(trajectory, seconds=least[label], spread=median(seconds[label]) / max(least[label], 1e-9) - 1.0)
         for label, trajectory in found.items()
     }
+
+
+def _is_short(times: Sequence[float]) -> bool:
+    return sum(times) < REPEATED_SECONDS or (len(times) < LEAST_REPEATS and min(times) < THRICE_SECONDS)
 
 
 def _outcome(march: March, progress: Progress | None) -> Outcome:

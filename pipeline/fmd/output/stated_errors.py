@@ -49,11 +49,14 @@ def largest_deflection(summary: Mapping[str, Any]) -> str:
     return with_error(summary["peak_tip_deflection_m"], "m", summary, "tip, largest deflection")
 
 
-def run_time(row: Mapping[str, Any]) -> tuple[str, str]:
-    """Write a run's time, with its spread where that matters, and its ratio to the first run's unless it is within."""
+def run_time(row: Mapping[str, Any], first: Mapping[str, Any]) -> tuple[str, str]:
+    """Write a run's time, with its spread where that matters, and its ratio to the first run's unless it is within.
+
+    It is within the larger spread of the two.
+    """
     spread, ratio = row.get("spread", 0.0), row["ratio_to_plain"]
     time = scaled(row["seconds"], "s", 3) + (f" (median +{100 * spread:.0f} %)" if spread > SHOWN_SPREAD else "")
-    shown = ratio is not None and (ratio == 1.0 or abs(ratio - 1.0) > spread)
+    shown = ratio is not None and (ratio == 1.0 or abs(ratio - 1.0) > max(spread, first.get("spread", 0.0)))
     return time, f"{ratio:.2f}" if shown else "–"
 
 

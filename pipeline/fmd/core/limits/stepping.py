@@ -35,6 +35,7 @@ MANY_RADIANS = 1e6  # radians, or times in which a motion falls to 37 %: more ar
 
 # Run times that are compared.
 REPEATED_SECONDS, MOST_REPEATS = 0.02, 50  # that a march fills by repetition, and how often at most
+LEAST_REPEATS, THRICE_SECONDS = 3, 0.1  # of a march that is so short: one reading may be that of a busy machine
 SHOWN_SPREAD = 0.1  # of a run time: a smaller one is not told
 
 # Forces that steps pass unseen.

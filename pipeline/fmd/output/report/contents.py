@@ -176,7 +176,7 @@ def _integrations(summary: dict[str, Any]) -> dict[str, Any]:
             (
                 row["integrator"] + (f" {row['substeps']}:1" if row["substeps"] > 1 else ""),
                 scaled(row["step_s"], "s", 3),
-                *run_time(row),
+                *run_time(row, summary["integrations"][0]),
                 f"{row['evaluations']} + {row['fast_evaluations']}",
                 scaled(row["stability_margin"], digits=3),
                 scaled(row["tip_difference_m"], "m", 3),
