@@ -134,7 +134,7 @@ def test_names_that_no_result_has_are_refused_before_anything_is_computed(
 
 
 def test_the_terminal_says_how_many_points_it_leaves_out(scene: Path, fmd, capsys, monkeypatch, tmp_path) -> None:
-    monkeypatch.setattr("fmd.cli.sweep.SWEPT_ROWS", 1)
+    monkeypatch.setattr("fmd.cli.swept_points.SWEPT_ROWS", 1)
     runs = 'simulation.run=[{integrator="runge-kutta"},{integrator="auto"}]'
     given = ["--set", runs, "--vary", "body.rod.mass=1..3:3 kg", "--vary", "body.block.mass=1,2 kg"]
     given += ["--of", "mass", "--out", tmp_path / "out"]  # three columns of one short name

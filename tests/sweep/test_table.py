@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray
 
-from fmd.cli.sweep import print_messages
+from fmd.cli.swept_points import print_messages
 from fmd.sweep.points import Point, Variation
 from fmd.sweep.record import Record
 from fmd.sweep.study import Sweep

@@ -109,7 +109,7 @@ def test_the_terminal_says_which_runs_the_points_have(
 ) -> None:
     """Of three runs, by the summary of the first alone; the points are computed in this process."""
     monkeypatch.setattr("fmd.cli.sweep.prepare_workers", lambda: None)
-    monkeypatch.setattr("fmd.cli.sweep.draw_sweep", lambda *_: [])
+    monkeypatch.setattr("fmd.sweep.plot.draw_sweep", lambda *_: [])
     monkeypatch.setattr("fmd.cli.sweep.compute_locally", lambda scenes, workers, wanted: compute_points(scenes, wanted))
     given = ("--vary", "joint.slide.spring=1000 N/m,1100 N/m", "--set", "simulation.duration=0.2 s")
     assert fmd("sweep", "rod-slider", *given, "--out", tmp_path, *more) == 0

@@ -1,0 +1,69 @@
+"""Points of a sweep in the terminal, and the results that are asked for of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from fmd.cli.tables import open_console, print_table
+from fmd.core.html import scaled
+from fmd.core.limits.shown import SWEPT_JOINTS, SWEPT_ROWS
+from fmd.scene.result_names import require_results
+from fmd.sweep.plot import JOINT_FIGURE
+from fmd.sweep.points import Point, split_names
+from fmd.sweep.study import Sweep
+from fmd.sweep.table import SweepTable
+
+# Figures that fit a terminal, with their column and unit; the files have all.
+_FIGURES = {
+    "frequencies_hz.0": ("mode 1 Hz", ""),
+    "worst_stress.von_mises_pa": ("stress", "Pa"),
+    "peak_tip_deflection_m": ("tip", "m"),
+    "run.0.stability_margin": ("limit/step", ""),
+    "run.0.seconds": ("time of integration", "s"),
+}
+
+
+def read_results(of: Sequence[str], chosen: Sequence[Point]) -> tuple[str, ...]:
+    """Read the names of the results of ``--of``, which the first scene that isn't refused must have."""
+    if not of:
+        return ()
+    results = tuple(dict.fromkeys(split_names("--of", of)))
+    require_results(next(point.scene for point in chosen if point.scene is not None), results)
+    return results
+
+
+def print_points(table: SweepTable, rows: Sequence[dict[str, Any]]) -> None:
+    """Print the first points with the figures that fit a terminal."""
+    result, asked = table.sweep, {column: (column, unit) for unit, own in table.results.values() for column in own}
+    joints = [name for name in rows[0] if name.startswith(JOINT_FIGURE)][:SWEPT_JOINTS]
+    figures = _FIGURES | {name: (name.removeprefix(JOINT_FIGURE), "") for name in joints}
+    figures = {
+        name: words for name, words in (asked or figures).items() if any(row.get(name) is not None for row in rows)
+    }
+    short = {variation.key: variation.key.rpartition(".")[2] for variation in result.variations}
+    taken = [*short.values(), "status", *(column for column, _ in figures.values())]
+    keys = [key if taken.count(name) > 1 else name for key, name in short.items()]
+    columns = dict.fromkeys(("", *keys, *taken[len(keys) :]), "{}")
+    cells = [
+        (k, *point.values, row["status"], *(_write(row[name], unit) for name, (_, unit) in figures.items()))
+        for k, (point, row) in enumerate(zip(result.points[:SWEPT_ROWS], rows, strict=False), start=1)
+    ]
+    print_table("Points", columns, cells)
+    if (more := len(rows) - len(cells)) > 0:
+        open_console().print(f"and {more} more {'point' if more == 1 else 'points'}: sweep.csv")
+
+
+def _write(value: float | None, unit: str) -> str:
+    return "" if value is None else scaled(value, unit)
+
+
+def print_messages(result: Sweep) -> None:
+    """Print each message and each warning once, after the numbers of its points."""
+    points: dict[str, list[str]] = {}
+    for number, record in enumerate(result.records, start=1):
+        told = [record.message, *(f"warning: {each['text']}" for each in record.summary.get("warnings", []))]
+        for text in filter(None, told):
+            points.setdefault(text, []).append(str(number))
+    for text, where in points.items():
+        open_console().print(f"{', '.join(where)}: {text}")
