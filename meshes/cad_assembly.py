@@ -67,10 +67,8 @@ def _describe(gmsh: Any, tag: int, names: list[str], whole: dict[int, int]) -> d
 def main(arguments: list[str]) -> str | None:
     """Describe an assembly; return an error message or ``None``.
 
-    Parameters
-    ----------
-    arguments : list of str
-        File, file to write, seconds for it, seconds for each element, of which there are none, and folder of the parts.
+    Arguments are file, file to write, seconds for it, seconds for each element, of which there are none, and folder of
+    the parts.
     """
     source, target, seconds, _, folder = arguments
     end_after(float(seconds))

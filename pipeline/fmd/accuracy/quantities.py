@@ -134,16 +134,10 @@ def _by_name(found: list[Quantity]) -> Quantities:
 
 
 def match_shapes(x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array) -> IntArray:
-    """Return the numbers of the other mesh's shapes that are most like each shape, all different.
+    """Return the numbers of the other mesh's shapes that are most like each shape (n_nodes, 3, n), all different.
 
-    Likeness is the modal assurance criterion.
-
-    Parameters
-    ----------
-    x, shapes : ndarray, shapes (n_nodes, 3) and (n_nodes, 3, n)
-        Nodes and shapes of the one mesh, sampled at the nearest node to each of the other's.
-    other_x, other_m, other_shapes : ndarray, sparse array, ndarray
-        Of the other: its nodes, scalar mass matrix and mass-normalised shapes, (n_nodes', 3, n') with n' ≥ n.
+    Likeness is the modal assurance criterion, with shapes sampled at the nearest node x to each of the other's. Those
+    are mass-normalised, (n_nodes', 3, n') with n' ≥ n, and ``other_m`` is the other's scalar mass matrix.
 
     Raises
     ------

@@ -19,12 +19,7 @@ from fmd.scene.visuals import VISUAL_FILES
 class ShapeWriter:
     """Writes the shapes of links as tables of a scene, and gathers what it leaves out.
 
-    Parameters
-    ----------
-    file : Path
-        The robot's, beside which and above which meshes are looked for.
-    target : Path
-        The scene's, which paths are relative to.
+    Meshes are looked for beside and above the robot's file; paths are relative to the scene's, the target.
     """
 
     def __init__(self, file: Path, target: Path) -> None:

@@ -75,18 +75,9 @@ class GearMeshAnswer:
 def mesh_gears(
     pair: GearPair, flexibilities: Sequence[ToothFlexibility], width: float, load: float, points: int
 ) -> GearMeshAnswer:
-    """Load two gears in mesh at each of some angles within a pitch.
+    """Load two gears in mesh at each of some angles, in the middles of equal parts of a pitch.
 
-    Parameters
-    ----------
-    flexibilities : sequence of ToothFlexibility
-        Of the pinion and the wheel.
-    width : float
-        Of both [m].
-    load : float
-        Force along the line of action [N].
-    points : int
-        Number of angles, in the middles of equal parts of the pitch.
+    Flexibilities are of the pinion and the wheel, the width [m] is of both; the load is along the line of action [N].
 
     Raises
     ------
@@ -116,22 +107,11 @@ def mesh_gears(
 def press_gears(
     pair: GearPair, flexibilities: Sequence[ToothFlexibility], width: float, approaches: Array, places: Array
 ) -> Array:
-    """Turn two gears against one another, and return the force between their teeth.
+    """Turn two gears against one another, and return the force between their teeth (n, m) along the line of action [N].
 
+    Approaches (n,), ascending from 0, are beyond touch along that line [m], places (m,) of one of the pairs on it [m].
     Pairs touch off the path, too, where the gap of a tip to the other's flank is less than what the others yield. There
     they yield as at the path's end.
-
-    Parameters
-    ----------
-    approaches : ndarray, shape (n,)
-        How far the gears are turned against one another beyond touch, along the line of action, ascending from 0 [m].
-    places : ndarray, shape (m,)
-        Of one of the pairs on the line of action [m].
-
-    Returns
-    -------
-    ndarray, shape (n, m)
-        Force along the line of action [N].
 
     Raises
     ------

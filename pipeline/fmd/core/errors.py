@@ -82,12 +82,7 @@ class InertiaError(AccuracyError):
 class StabilityError(AccuracyError):
     """A time step is beyond the stability limit or passes a force unseen, or a march diverged.
 
-    Parameters
-    ----------
-    time : float
-        Time at which a march ended [s].
-    positions : object
-        Its positions there, an array; None if they aren't known.
+    That ended at a time [s], with positions if they are known.
     """
 
     def __init__(self, message: str, time: float = 0.0, positions: object = None) -> None:

@@ -54,16 +54,9 @@ def run_child(
     folder: Path | None = None,
     environment: Mapping[str, str] | None = None,
 ) -> str:
-    """Run a child process to its end and return its standard output.
+    """Run a child process as of `child_command` to its end, within some seconds, and return its standard output.
 
-    Parameters
-    ----------
-    target, memory
-        As in `child_command`.
-    seconds : float
-        Time after which it is ended.
-    environment : mapping, optional
-        Variables beside those of this process.
+    It has variables of the environment beside those of this process.
 
     Raises
     ------

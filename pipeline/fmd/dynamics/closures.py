@@ -115,16 +115,10 @@ def close_joint(
     of_first: Array | None = None,
     of_second: Array | None = None,
 ) -> Closure:
-    """Make the closure of a joint.
+    """Make the closure of a joint by the directions that its kind keeps.
 
-    Parameters
-    ----------
-    kind : JointKind
-        With the directions that it keeps.
-    axis, other : ndarray, shape (3,)
-        Its axis in the axes of the first place and of the second; the same numbers by default.
-    of_first, of_second : ndarray, shape (3, 3), optional
-        Rotations from the axes of each place into those of its body; none by default.
+    Its axis (3,) is in the axes of the first place, the other in those of the second, the same numbers by default.
+    Rotations (3, 3) are from the axes of each place into those of its body; none by default.
 
     Raises
     ------

@@ -59,12 +59,7 @@ class PointSpring(_Pair):
     def linearise(self, J: Array, swing: Array, strain: Array) -> Matrices:
         """Return the spring's matrices for its elongation; in tension with what that adds across its line.
 
-        Parameters
-        ----------
-        J, swing : ndarray, shapes (1, n) and (3, n)
-            Rates of the elongation and of the vector between the places for unit rates of the mechanism.
-        strain : ndarray, shape (1,)
-            Elongation [m].
+        J (1, n) and swing (3, n) are the rates of the elongation and of the vector between the places for unit rates.
         """
         law, along = self.law, J.T @ J
         tension, slope = law.curve.tangent(float(strain[0]))
@@ -76,12 +71,7 @@ class PointSpring(_Pair):
     def unit_loads(self, apart: Array, axes: Array) -> list[tuple[Array, float]]:
         """Return a pull along the line, or along each axis where the places coincide; its compliance isn't constant.
 
-        Parameters
-        ----------
-        apart : ndarray, shape (3,)
-            From the first place to the second in space [m].
-        axes : ndarray, shape (3, 3)
-            Rotation from the first place's axes into space.
+        The line is ``apart`` (3,) in space [m]; ``axes`` (3, 3) turns the first place's axes into space.
         """
         directions = [apart] if apart.any() else list(np.eye(3))
         return [(np.concatenate([direction, np.zeros(3)]), np.inf) for direction in directions]

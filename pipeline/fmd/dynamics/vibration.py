@@ -20,17 +20,9 @@ def inertial_coupling(M: Array, n_slow: int) -> float:
 
 
 def frequencies(M: Array, K: Array) -> Array:
-    """Return the angular frequencies of an undamped system, ascending.
+    """Return the angular frequencies (n,) of an undamped system, mass positive definite, ascending [rad/s].
 
-    Parameters
-    ----------
-    M, K : ndarray, shape (n, n)
-        Mass, positive definite, and stiffness.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [rad/s]; 0 where a vibration has no stiffness, or a negative one.
+    They are 0 where a vibration has no stiffness, or a negative one.
 
     Raises
     ------

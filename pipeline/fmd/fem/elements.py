@@ -139,14 +139,7 @@ def _tabulate(element: Any, points: bytes, n_q: int) -> tuple[Array, Array]:
 def jacobians(geometry: Any, x: Array, X: Array) -> Array:
     """Return the derivatives of position by reference coordinates, shape (n_elements, n_q, 3, 3), last axis reference.
 
-    Parameters
-    ----------
-    geometry : skfem.Element
-        Scalar shape functions of the position.
-    x : ndarray, shape (n_elements, n_geometry, 3)
-        Positions of the geometry's nodes [m].
-    X : ndarray, shape (3, n_q)
-        Points on the reference cell.
+    They are by the scalar functions ``geometry`` of nodes at x (n_elements, n_geometry, 3) [m], at points X (3, n_q).
     """
     _, dN = shape_functions(geometry, X)
     J = np.ascontiguousarray(x.transpose(2, 0, 1)) @ dN.reshape(len(dN), -1)

@@ -86,19 +86,10 @@ def energies(matrices: Sequence[sp.csr_array], shapes: Array) -> Array:
 
 
 def quadratic_strain_load(fe: FEModel, u: Array) -> tuple[Array, float]:
-    """Return the load on a small displacement by the quadratic strain of another, and that strain's own energy.
+    """Return the load on a small displacement by the quadratic strain of another, u (n_nodes, 3) [m], and its energy.
 
-    Parameters
-    ----------
-    u : ndarray, shape (n_nodes, 3)
-        Displacement [m].
-
-    Returns
-    -------
-    f : ndarray, shape (n_nodes, 3)
-        ``f·v = ∫ C E : ε(v) + σ(u) : ∂u·∂v``, with ``E = ½ ∂u·∂u`` [N].
-    energy : float
-        ``½ ∫ E : C E`` [J].
+    The load f (n_nodes, 3) has ``f·v = ∫ C E : ε(v) + σ(u) : ∂u·∂v``, with ``E = ½ ∂u·∂u`` [N], and the energy of that
+    strain is ``½ ∫ E : C E`` [J].
     """
     n, f, energy = len(fe.discretisation.x), np.zeros_like(u), 0.0
     f[:n] = geometric_stiffness(fe, u[:, :, None])[0] @ u[:n]

@@ -16,16 +16,8 @@ def without_idle_motions(
 ) -> tuple[sp.csr_array, int]:
     """Leave out motions of links that strain nothing and move no mass, as that of a bar about itself.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Name of the link of each of the last columns of T.
-
-    Returns
-    -------
-    T : sparse array
-    n : int
-        Number of its last columns that are motions of links.
+    Names are those of the links of the last columns of T. Returns T, and how many of its last columns are motions of
+    links.
 
     Raises
     ------

@@ -130,16 +130,9 @@ class Material:
     ) -> Array:
         """Return strains (n_elements, n_q, 3, 3) of a shell's displacement as its plane stress has them.
 
-        Stretch through the thickness follows from plane stress; transverse shear has Reissner's parabola.
-
-        Parameters
-        ----------
-        J : ndarray, shape (n_elements, n_q, 3, 3)
-            Base vectors, last axis reference, the third through the thickness.
-        zeta : ndarray, shape (n_q,), optional
-            Place across the thickness, 0 … 1; without, transverse shear is left out.
-        given_at : float, optional
-            Place whose transverse shear A has; without, it has the mean's.
+        Stretch through the thickness follows from plane stress; transverse shear has Reissner's parabola over the place
+        ``zeta`` (n_q,) across, 0 … 1, and is left out without it. A has that of the place ``given_at``, or the mean's.
+        Of the base vectors J (n_elements, n_q, 3, 3), last axis reference, the third goes through the thickness.
         """
         normal = J[..., 2] / np.linalg.norm(J[..., 2], axis=-1, keepdims=True)
         share = np.float64(0.0) if zeta is None else (1.25 * (1 - (2 * zeta - 1) ** 2))[:, None, None]

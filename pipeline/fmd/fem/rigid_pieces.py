@@ -14,25 +14,11 @@ from fmd.core.rotations import rigid_motions
 
 
 def rigid_unknowns(T: sp.csr_array, x: Array, nodes: IntArray, at: Array) -> tuple[IntArray, Array]:
-    """Return the unknowns that move nodes, and their values for the motions of a rigid piece.
+    """Return the unknowns (m,) that move nodes, and their values (m, 6) for the motions of a rigid piece.
 
-    Parameters
-    ----------
-    T : sparse array, shape (3 n_points, n)
-        How points move by the unknowns.
-    x : ndarray, shape (n_points, 3)
-        Positions of the points [m].
-    nodes : ndarray, shape (k,)
-        Points of the rigid piece. If other unknowns than their own displacements move them, as those of a shell's
-        nodes, all points that these alone move belong to the piece.
-    at : ndarray, shape (3,)
-        Its reference point [m].
-
-    Returns
-    -------
-    unknowns : ndarray, shape (m,)
-    values : ndarray, shape (m, 6)
-        By displacement and rotation of the reference.
+    Points at x (n_points, 3) [m] move by the unknowns as T (3 n_points, n) has it. If other unknowns than their own
+    displacements move the piece's points, as those of a shell's nodes, all points that these alone move belong to the
+    piece. Values are by displacement and rotation of its reference point ``at`` [m].
     """
     rows = sp.csr_array(T[(3 * nodes[:, None] + np.arange(3)).ravel()])
     if len(rows.indices) == rows.shape[0] and (rows.data == 1.0).all():

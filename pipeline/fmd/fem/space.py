@@ -22,13 +22,9 @@ from fmd.fem.mesh import SolidMesh, three_corners
 class BlockStructure:
     """Pairs of nodes that share an element: the pattern of stiffness, mass and geometric stiffness.
 
-    Two counting sorts, SciPy's conversions between compressed rows and columns, order the entries of all elements by
-    the row's node and then by the column's. A sparse matrix of ones in that order, with a row for each pair, sums them.
-
-    Parameters
-    ----------
-    element_nodes : ndarray, shape (n_elements, n_local)
-        Node numbers of each element.
+    Two counting sorts, SciPy's conversions between compressed rows and columns, order the entries of all elements, with
+    nodes (n_elements, n_local), by the row's node and then by the column's. A sparse matrix of ones in that order, with
+    a row for each pair, sums them.
     """
 
     def __init__(self, element_nodes: IntArray, n_nodes: int) -> None:

@@ -100,23 +100,9 @@ def enhanced_matrix(space: Discretisation, material: Material, X: Array, element
 
 
 def strains(space: Discretisation, material: AnyMaterial, shapes: Array, X: Array, elements: IntArray) -> Array:
-    """Return the strains of displacement fields at reference points of elements.
+    """Return the strains (n_elements, n_q, 6, n) of displacement fields (n_nodes, 3, n) at reference points X (3, n_q).
 
-    Parameters
-    ----------
-    material : AnyMaterial
-        Material of each element, on which enhanced strains depend.
-    shapes : ndarray, shape (n_nodes, 3, n)
-        Displacement fields.
-    X : ndarray, shape (3, n_q)
-        Reference points.
-    elements : ndarray, shape (n_elements,)
-        Numbers of the elements.
-
-    Returns
-    -------
-    ndarray, shape (n_elements, n_q, 6, n)
-        xx, yy, zz, 2yz, 2xz, 2xy [1/m per unit of the shape].
+    Components are xx, yy, zz, 2yz, 2xz, 2xy [1/m per unit of the shape]. Enhanced strains depend on the material.
     """
     if space.is_enhanced:
         return enhanced_strains(space, material, shapes, X, elements)

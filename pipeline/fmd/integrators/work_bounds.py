@@ -62,16 +62,9 @@ def _no_log() -> ElongationLog:
 
 
 class WorkCheck:
-    """Sums up the work that a march's fixed steps miss.
+    """Sums up the work that a march's fixed steps miss, by the system's force laws with short pieces, if it has any.
 
-    Parameters
-    ----------
-    system : System
-        Its force laws with short pieces are followed; without any, nothing is done.
-    origin, step : float
-        Time of step number 0, and the step [s].
-    cycle : int
-        Number of steps that belong together.
+    ``origin`` is the time of step number 0 [s], and ``cycle`` the number of steps that belong together.
     """
 
     def __init__(self, system: Any, origin: float, step: float, cycle: int) -> None:

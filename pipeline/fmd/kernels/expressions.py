@@ -30,16 +30,9 @@ class Functions(Protocol):
 
 
 class Expressions:
-    """Writes the expressions of a function.
+    """Writes the expressions of a function, whose names that aren't its variables are what they are to it.
 
-    Parameters
-    ----------
-    module : Functions
-        Translates what is called.
-    function : function
-        Whose expressions these are; names that aren't its variables are what they are to it.
-    writer : BlockWriter
-        Where its lines go.
+    The module translates what is called; lines go to the writer.
     """
 
     def __init__(self, module: Functions, function: Any, writer: BlockWriter) -> None:

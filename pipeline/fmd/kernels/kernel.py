@@ -106,14 +106,8 @@ class Kernel:
     def bind(self, first: Sequence[Any], *numbers: Any) -> Callable[..., Any]:
         """Return a call with its first arguments given, tables and arrays whose memory stays; numbers come after them.
 
-        It does little more than call the machine code, for programs that call it very often.
-
-        Parameters
-        ----------
-        first : sequence
-            The arguments that are given.
-        numbers
-            Numbers of the types of the others, with which the function is called once.
+        It does little more than call the machine code, for programs that call it very often. The function is called
+        once with the numbers, which are of the types of the others.
         """
         self(*first, *numbers)
         entry = self._entries[tuple([type_of(x) for x in (*first, *numbers)])]

@@ -50,14 +50,9 @@ def tuple_of(parts: tuple[Value, ...]) -> Value:
 
 
 class BlockWriter:
-    """Collects the lines of a function.
+    """Collects the lines of a function, whose products and sums may be contracted to one rounding.
 
-    Parameters
-    ----------
-    contracted : bool
-        Products and sums may be contracted to one rounding.
-    checks : list, optional
-        Where files and lines of bounds checks are noted; by default none is made.
+    Files and lines of bounds checks are noted if a list for them is given; by default none is made.
     """
 
     def __init__(self, contracted: bool, checks: list[tuple[str, int]] | None = None) -> None:

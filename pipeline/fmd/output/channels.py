@@ -170,12 +170,7 @@ def _critical_speed(run: Pipeline, name: str, number: list[str], origin: str) ->
 def follow_mode(channel: ResultChannel, run: Pipeline, other: Pipeline) -> ResultChannel:
     """Return the frequency of another design's mode that is most like a run's, by the modal assurance criterion.
 
-    Parameters
-    ----------
-    channel : ResultChannel
-        A frequency of ``run``; other results are returned as they are.
-    run, other : Pipeline
-        The scene, and another design of it with the same elements.
+    The other design has the run's elements; results that are no frequency are returned as they are.
 
     Raises
     ------

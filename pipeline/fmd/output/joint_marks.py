@@ -24,16 +24,9 @@ _WIRE = 1.3  # radius of a coil over that of a mark
 
 
 class Marks:
-    """Marks of a run's joints, springs and ground at chosen output times.
+    """Marks of a run's joints, springs and ground at output times of chosen numbers, (n_frames,).
 
-    Parameters
-    ----------
-    chosen : ndarray, shape (n_frames,)
-        Numbers of the output times.
-    size : float
-        Extent of the mechanism [m].
-    up : ndarray, shape (3,), optional
-        Upwards in space.
+    The mechanism has an extent [m]; ``up`` (3,) is upwards in space.
     """
 
     def __init__(self, run: Pipeline, chosen: IntArray, size: float, up: Array | None) -> None:

@@ -90,18 +90,10 @@ class CircularResponse:
 def compute_circular_response(
     run: Pipeline, place: str, force: Callable[[float], float], rates: Array, order: float = 1.0
 ) -> CircularResponse:
-    """Compute the response to a force at a marker that goes round at a multiple of the rate of rotation.
+    """Compute the response to a force at a marker ``"body.marker"`` that goes round at a multiple of the rotor's rate.
 
-    Parameters
-    ----------
-    place : str
-        ``"body.marker"``.
-    force : callable
-        Returns its size [N] at a rate [rad/s]: ``U Ω²`` of an unbalance U [kg m].
-    rates : ndarray, shape (n_rates,)
-        Rates of rotation [rad/s], ascending from above 0.
-    order : float
-        The multiple: 1 of an unbalance, below 0 for a force that goes round backwards.
+    The order is 1 of an unbalance, below 0 for a force that goes round backwards. The force is a function of the rate,
+    ``U Ω²`` of an unbalance U [kg m]; rates ascend from above 0 [rad/s].
 
     Raises
     ------

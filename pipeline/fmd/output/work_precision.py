@@ -71,16 +71,10 @@ class WorkPrecision:
 def compare(
     system: System, q0: Array, v0: Array, times: Array, errors_of: ErrorsOf, repeats: int = 5, limit: float = 1e-8
 ) -> WorkPrecision:
-    """March a system by every method, and measure run times and errors.
+    """March a system by every method, and measure run times and errors at times [s].
 
-    Parameters
-    ----------
-    times : ndarray, shape (n_times,)
-        Times at which the errors are taken [s].
-    repeats : int
-        Number of marches whose least run time counts, more of short ones, each with output at the end alone.
-    limit : float
-        Largest difference of the two references.
+    The least run time of ``repeats`` marches counts, more of short ones, each with output at the end alone. Both
+    references may differ by ``limit``.
 
     Raises
     ------

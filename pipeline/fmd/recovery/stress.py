@@ -30,19 +30,10 @@ STRESS_COMPONENTS = ("von Mises", *STRESS_TENSOR, "principal 1", "principal 2", 
 
 
 def modal_stress(space: AnySpace, material: AnyMaterial, shapes: Array, nodes: IntArray) -> Array:
-    """Stress of each shape at chosen nodes, averaged over the elements around them.
+    """Stress (n_chosen, 6, n) of each shape (n_nodes, 3, n) at chosen nodes, averaged over the elements around them.
 
-    Parameters
-    ----------
-    shapes : ndarray, shape (n_nodes, 3, n)
-        Displacement fields; points of links, behind the nodes, have no stress.
-    nodes : ndarray, shape (n_chosen,)
-        Node numbers; only the elements that touch them are evaluated.
-
-    Returns
-    -------
-    ndarray, shape (n_chosen, 6, n)
-        xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
+    Components are xx, yy, zz, yz, xz, xy [Pa per unit of the shape]. Only elements that touch the nodes are evaluated;
+    points of links, behind the nodes, have no stress.
 
     Raises
     ------

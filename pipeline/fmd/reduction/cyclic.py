@@ -126,12 +126,7 @@ def rotation_about_z(angle: float) -> Array:
 class CyclicSolver(FreeBodySolver):
     """Solver for a cyclic body that factorises one sector only and finds free modes harmonic by harmonic.
 
-    Parameters
-    ----------
-    sectors : int
-        Number of sectors, of which each turn carries one into the next.
-    factorise : callable
-        Makes a `Factor` of a symmetric positive definite matrix, here of the sector's inside.
+    Each turn carries one of the sectors into the next; ``factorise`` makes a `Factor` of the sector's inside.
     """
 
     def __init__(self, fe: FEModel, sectors: int, factorise: Callable[[Any], Factor] = factorise) -> None:
@@ -218,14 +213,9 @@ class _CyclicInverse:
         return u.reshape(f.shape)
 
     def modes(self, harmonic: int, count: int) -> tuple[Array, Array]:
-        """Lowest eigenpairs of one harmonic.
+        """Return the lowest eigenvalues of one harmonic, ascending [rad²/s²], and its fields Z (3 n_nodes, count).
 
-        Returns
-        -------
-        values : ndarray, shape (count,)
-            Eigenvalues, ascending [rad²/s²].
-        Z : ndarray, shape (3 n_nodes, count)
-            Fields of the sector, ``Zᴴ M Z = 1``.
+        These are the sector's, with ``Zᴴ M Z = 1``.
         """
         return (self._paired_modes if self._sector.is_paired(harmonic) else self._real_modes)(harmonic, count)
 

@@ -118,10 +118,8 @@ class FreeBodySolver:
     def modes(self, count: int, constraints: Array | None = None) -> EigenPairs:
         """Return the ``count`` lowest elastic modes, or all that a small mesh has.
 
-        Parameters
-        ----------
-        constraints : ndarray, shape (n_nodes, 3, k), optional
-            Columns B of the constraints ``Bᵀ φ = 0``: ``K φ = ω² M φ + B μ``; without, the body is free.
+        With columns B (n_nodes, 3, k) of constraints ``Bᵀ φ = 0`` they have ``K φ = ω² M φ + B μ``; without, the body
+        is free.
 
         Raises
         ------
@@ -160,15 +158,8 @@ class FreeBodySolver:
     def static_response(self, f: Array) -> Array:
         """Solve ``K u = f`` for loads in equilibrium with the rigid acceleration they cause (inertia relief).
 
-        Parameters
-        ----------
-        f : ndarray, shape (n_nodes, 3, n_loads)
-            Nodal loads [N]; what accelerates the body as a whole is balanced by its inertia.
-
-        Returns
-        -------
-        ndarray, shape (n_nodes, 3, n_loads)
-            Displacements [m], M-orthogonal to the rigid-body modes.
+        Nodal loads [N] and displacements [m] are (n_nodes, 3, n_loads); what accelerates the body as a whole is
+        balanced by its inertia, and displacements are M-orthogonal to the rigid-body modes.
 
         Raises
         ------

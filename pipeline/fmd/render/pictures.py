@@ -173,18 +173,10 @@ def draw_field(
     label: str,
     camera: Camera | None = None,
 ) -> Projection:
-    """Draw a field on the undeformed part, and label one of its points.
+    """Draw a field (n_points,) on the undeformed part, and label the point with the largest of some weights.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n_points,)
-        Of the field.
-    title, quantity : str
-        Heading, and label of the colour bar with its unit.
-    limits : tuple of float
-        Values of the lowest and of the highest colour.
-    weights : ndarray, shape (n_points,)
-        The point with the largest is labelled; the view is chosen so that it is seen, if it can be.
+    The view is chosen so that this point is seen, if it can be. Limits are values of the lowest and of the highest
+    colour; the quantity has its unit.
 
     Raises
     ------

@@ -19,24 +19,12 @@ from fmd.responses.whirl import state_scale
 
 
 def circular_response(A: Array, B: Array, C: tuple[Array, Array], omega: float) -> tuple[Any, Array]:
-    """Return the response of points to a force of size 1 that goes round in the turning axes.
+    """Return the response of points to a force of size 1 that goes round with w [rad/s] in the turning axes.
 
-    Parameters
-    ----------
-    A : ndarray, shape (n, n)
-        State matrix in the turning axes.
-    B : ndarray, shape (n, 2)
-        What unit forces along the two axes across do.
-    C : tuple of ndarray, shape (n_points, n) each
-        Displacements of points along both axes across.
-    omega : float
-        w [rad/s]; 0 for a force that stands still there, as an unbalance does.
-
-    Returns
-    -------
-    tuple of ndarray, shape (n_points,)
-        Complex displacement with the force, whose angle is ahead of it, and size of that against it [m/N]. The force
-        that stands still has the direction in which it does most.
+    A (n, n) is the state matrix there; B (n, 2) is what unit forces along the two axes across do, and C has
+    displacements (n_points, n) along each. The first result is the complex displacement with the force, whose angle is
+    ahead of it, the second the size of that against it, (n_points,) [m/N]. A force that stands still, as an unbalance
+    does, w = 0, has the direction in which it does most.
     """
     scale = state_scale(A)
     scaled, forces = scale[:, None] * A / scale, scale[:, None] * B

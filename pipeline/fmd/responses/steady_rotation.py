@@ -40,14 +40,8 @@ class Rotation:
 class SteadyRotation:
     """The search for steady rotations of a mechanism.
 
-    Parameters
-    ----------
-    turning : callable
-        Return the `Rotation` at a rate [rad/s] and positions (n_positions,).
-    still : sequence of str
-        Names of coordinates in which the mechanism turns as a whole: they stay.
-    close : callable
-        Return positions in which loops are closed, near to given ones.
+    ``turning`` returns the `Rotation` at a rate [rad/s] and positions; in the coordinates of names ``still`` the
+    mechanism turns as a whole: they stay. ``close`` returns positions in which loops are closed, near to given ones.
     """
 
     def __init__(

@@ -188,10 +188,7 @@ def _bytes_of_time(n_bodies: int, n_coordinates: int, n_runs: int, flexible: boo
 def require_room(scene: Scene, mechanism: Mechanism | None = None) -> None:
     """Check that the results of a scene's runs at all output times fit into the memory.
 
-    Parameters
-    ----------
-    mechanism : Mechanism, optional
-        The scene's; without it, before anything is computed, sizes are those that the scene tells.
+    Before there is a mechanism, sizes are those that the scene tells.
 
     Raises
     ------

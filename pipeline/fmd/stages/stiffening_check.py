@@ -63,14 +63,7 @@ def check_stiffening_loads(
 ) -> dict[str, StiffeningLoads]:
     """Check the loads through each flexible body of a scene, and if they count, before anything is integrated.
 
-    Parameters
-    ----------
-    bodies : mapping of str to FlexibleBody
-        Its flexible bodies, reduced and not stiffened.
-    meshed : collection of str, optional
-        Names of bodies that have elements, and so stress; all by default.
-    build : callable
-        Builds the mechanism.
+    Bodies are reduced and not stiffened; those of names ``meshed``, all by default, have elements, and so stress.
 
     Raises
     ------

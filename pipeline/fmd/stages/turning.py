@@ -111,11 +111,7 @@ class OnHub:
 class TurningRotor:
     """A scene's rotor, linearised where it turns steadily.
 
-    Parameters
-    ----------
-    in_bearings : bool
-        Whether its first body is free, and bearings hold it; else its first part's joints lead to a revolute joint on
-        the ground.
+    Its first body is free and held by bearings, or its first part's joints lead to a revolute joint on the ground.
 
     Raises
     ------

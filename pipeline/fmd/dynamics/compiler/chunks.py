@@ -40,14 +40,9 @@ def zero(width: int) -> str:
 
 
 class ChunkWriter(Writer):
-    """Writes operations of vectors as operations of their chunks.
+    """Writes operations of vectors as operations of their chunks, of as many doubles as a vector register has.
 
-    Parameters
-    ----------
-    register : int
-        Doubles in a vector register.
-    constants : str
-        Address of the constants that its code reads.
+    Its code reads constants at an address.
     """
 
     def __init__(self, register: int, constants: str = "@constants") -> None:

@@ -35,14 +35,9 @@ _evaluations: RecentlyUsed[Evaluation] = RecentlyUsed(MOST_SHARED)
 
 
 class CompiledMechanism:
-    """Functions of a mechanism's state, each traced and compiled when it is first used.
+    """Functions of a mechanism's state, each traced and compiled when it is first used; its constants are part of them.
 
     `fmd.dynamics.compiler.programs` lists them with their arguments, which `address` and `call` take as they are.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Its constants are part of the code.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:

@@ -172,12 +172,8 @@ class ExternalMechanism:
 class _ExternalCoordinates(Coordinates):
     """Inputs of a mechanism, some of whose constants, loads and motions are inputs too.
 
-    Parameters
-    ----------
-    places : dict
-        Where each constant is in the argument ``constants``; the modal damping ratio is one for a body.
-    acting : sequence of int
-        Numbers of the loads and motions that are inputs, bodies' first and then those at points.
+    ``places`` has where each constant is in the argument ``constants``; the modal damping ratio is one for a body.
+    ``acting`` are the numbers of loads and motions that are inputs, bodies' first and then those at points.
     """
 
     def __init__(self, graph: Graph, mechanism: Mechanism, places: dict[Key, int], acting: Sequence[int]) -> None:

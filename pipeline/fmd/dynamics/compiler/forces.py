@@ -104,14 +104,9 @@ class PushedForces(ActingForces):
 
 
 class GivenForces:
-    """Generalised forces that are read from an argument, on a mechanism at rest without weight.
+    """Generalised forces that are read from an argument in the order of rates, on a mechanism at rest without weight.
 
-    Parameters
-    ----------
-    argument : str
-        The forces, in the order of rates.
-    free : range
-        The rates that accelerate; all others are frozen.
+    Rates accelerate that are ``free``; all others are frozen.
     """
 
     def __init__(self, inputs: RestingCoordinates, argument: str, free: range) -> None:

@@ -45,14 +45,9 @@ class Tangents(NamedTuple):
 
 
 class LinearisedMechanism:
-    """A mechanism whose equations can be differentiated at any state.
+    """A mechanism whose equations can be differentiated at any state, with some rates' accelerations given.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Without prescribed motions: their joints are coordinates whose accelerations are given.
-    given : ndarray of int
-        Rates whose accelerations are given.
+    It has no prescribed motions: their joints are coordinates whose accelerations are given.
     """
 
     def __init__(self, mechanism: Mechanism, given: IntArray) -> None:

@@ -21,14 +21,9 @@ from fmd.fem.sections import RoundSection, Section
 def read_beams(path: Path, scale: float, mass_unit: float | None = None, force_unit: float | None = None) -> SolidMesh:
     """Read the lines of a deck as beams, with the deck's sections, orientations and offsets.
 
-    Parameters
-    ----------
-    path : Path
-        The file. Element sets become parts; node sets become faces: all of the sections at their nodes.
-    scale : float
-        The file's unit of length [m].
-    mass_unit, force_unit : float, optional
-        The file's units [kg], [N]. Without, lumped masses and springs are refused, but for a file in metres.
+    Element sets become parts; node sets become faces: all of the sections at their nodes. The file's units are of
+    length [m], mass [kg] and force [N]; without the last two, lumped masses and springs are refused, but for a file in
+    metres.
 
     Raises
     ------

@@ -36,18 +36,10 @@ def read_structure(
     units: tuple[float | None, float | None] = (None, None),
     ties: Sequence[tuple[str, str, float | None]] = (),
 ) -> AnyMesh:
-    """Read shells and beams of a file, beside its solids if it has some.
+    """Read shells and beams of a file, beside its solids if it has some, as `read_mesh` does.
 
-    Parameters
-    ----------
-    path, scale, repair, ties
-        As for `read_mesh`.
-    shell : tuple of float, optional
-        Thickness, if not by the deck, and offset of the shells [m]; without, nothing is a shell.
-    beams : bool
-        True to read lines as beams.
-    units : tuple of float, optional
-        The file's units of mass [kg] and of force [N].
+    Shells have a thickness, if not by the deck, and an offset [m]; without, nothing is a shell. Units are of mass [kg]
+    and force [N].
 
     Raises
     ------

@@ -96,16 +96,10 @@ class SixUnknownsModel(MatrixModel):
 def six_unknowns_model(
     path: Path, K: sp.csr_array, M: sp.csr_array, x: Array, labels: IntArray, turned: IntArray | None = None
 ) -> SixUnknownsModel:
-    """Make the model of matrices with six unknowns a node.
+    """Make the model of symmetric matrices with six unknowns a node, (6 n_nodes, 6 n_nodes).
 
-    Parameters
-    ----------
-    path : Path
-        File of the masses, for messages.
-    K, M : sparse array, shape (6 n_nodes, 6 n_nodes)
-        Symmetric; unknown ``6 i + a`` is displacement (0, 1, 2) or rotation (3, 4, 5) of node i.
-    turned : ndarray of int, optional
-        Nodes that have rotations even if their rows are zero, as references of links.
+    Unknown ``6 i + a`` is displacement (0, 1, 2) or rotation (3, 4, 5) of node i. Nodes ``turned``, references of
+    links, have rotations even if their rows are zero. Messages name the file of the masses.
 
     Raises
     ------
