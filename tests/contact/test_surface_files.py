@@ -13,7 +13,7 @@ from fmd import Pipeline, load_scene
 from fmd.contact.triangle_field import points_of_triangles, surface_flexibility
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
-from fmd.output.contacts import contact_figures
+from fmd.output.contacts import contact_figures, contact_warnings
 from tests.contact.test_contact_points import BLOCK
 from tests.contact.test_rigid_contacts import MASS, NU, RADIUS, SPEED, STEEL, STIFF, E, free, scene
 
@@ -142,6 +142,19 @@ def test_a_box_of_triangles_that_is_dropped_keeps_its_energy(tmp_path: Path, til
     if tilt == 0.0:
         assert own.impulse[-1, 2] == pytest.approx(MASS * 1.0, rel=0.01)
         assert own.largest[1] == pytest.approx(4e-4, rel=0.02)
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_a_sheet_that_looks_the_wrong_way_is_warned_of(tmp_path: Path, turn: int) -> None:
+    """What comes from its back passes through it; the sign of a gap alone doesn't tell."""
+    flat, triangles = disk(2e-4, 3)
+    write_stl(tmp_path / "low.stl", np.pad(flat, ((0, 0), (0, 1))), triangles[:, ::turn])
+    cap(tmp_path / "high.stl", 2e-4, 4)
+    bodies = {"low": body(tmp_path / "low.stl"), "high": body(tmp_path / "high.stl", np.pi)}
+    joints = {"one": free("low.centre", [0, 0, 0], [0, 0, 0]), "two": free("high.centre", [0, 0, 0.0101], [0, 0, 0])}
+    run = Pipeline(load_scene(scene(bodies, joints, {"hit": {"between": ["low.skin", "high.skin"]}}, 1e-6)))
+    said = [own["text"] for own in contact_warnings(run) if own["code"] == "contact-facing"]
+    assert ["look the same way where they are nearest" in text for text in said] == [True] * (turn < 0)
 
 
 @pytest.mark.parametrize(
