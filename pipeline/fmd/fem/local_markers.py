@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import EPSILON, Array, IntArray
-from fmd.core.limits.mesh import OUTSIDE, STRAIGHT_EDGE
+from fmd.core.limits.mesh import OUTSIDE, SAME_PLACE, STRAIGHT_EDGE
 from fmd.core.limits.round_off import SOLVED
 from fmd.fem.elements import shape_functions
 from fmd.fem.joined import AnySpace
@@ -41,7 +41,8 @@ def point_marker(space: AnySpace, point: Array) -> Marker:
         The point lies outside the body; the message gives the nearest place.
     """
     extent, markers = float(np.ptp(space.x, axis=0).max()), [_nearest_marker(own, point) for own in space.members]
-    found = min(markers, key=lambda marker: float(np.linalg.norm(marker.position - point).round(12)))
+    near = SAME_PLACE * extent  # where two kinds of elements meet the first has it
+    found = min(markers, key=lambda marker: float((np.linalg.norm(marker.position - point) / near).round()))
     if np.linalg.norm(found.position - point) > OUTSIDE * extent:
         place = ", ".join(f"{x:.6g} m" for x in space.x[np.linalg.norm(space.x - point, axis=1).argmin()])
         raise ValueError(f"lies outside the body; the node nearest to it is at [{place}]")

@@ -152,6 +152,8 @@ def test_shells_and_beams_are_those_of_the_same_deck_of_nastran(tmp_path: Path) 
     for k, own in enumerate(cells, start=1):
         three = own[2] == own[3]
         cards += [f"{'CTRIA3' if three else 'CQUAD4'},{k},1,{','.join(map(str, own[: 4 - three]))},,0.01"]
+    with pytest.raises(InputError, match=r"SHELL181 with KEYOPT\(1\) = 1, a part of a shell's stiffness"):
+        read_shell(read(tmp_path, "KEYOPT,1,1,1", *deck, "  0.02, 1, 0.0, 3"), 1.0, None)
     nastran.write_text("\n".join(["BEGIN BULK", *cards, "PSHELL,1,1,0.02,1,,1", "ENDDATA"]))
     theirs = read_shell(nastran, 1.0, None)
     assert ours.points == pytest.approx(theirs.points, abs=1e-12)

@@ -307,7 +307,7 @@ def _add_sections(raw: RawMesh, deck: _Deck, blocks: Sequence[Sequence[tuple[Ele
         for k, (element, _) in enumerate(own):
             section = deck.sections.get(element.section)
             if kind in ("triangle", "quad") and element.kind != 154:
-                t[k], offset[k], fault = shell_section(section, deck.reals.get(element.real, []), element.kind, m)
+                t[k], offset[k], fault = shell_section(element, section, deck.reals.get(element.real, []), m)
                 faults |= {fault: None} if fault else {}
             elif kind == "line":
                 found = beam_element(element, section, raw.points[raw.blocks[b][1][k]], deck.nodes)

@@ -26,20 +26,21 @@ class AnsysSection:
     offset: list[str] = field(default_factory=list)
 
 
-def shell_section(section: AnsysSection | None, real: list[float], kind: int, m: int) -> tuple[Array, float, str]:
+def shell_section(element: Element, section: AnsysSection | None, real: list[float], m: int) -> tuple[Array, float, str]:
     """Return thickness at the m nodes of a shell, offset of its middle from them, and what of its section isn't read.
 
-    Of element types ``kind``, SHELL63 and SHELL93 have real constants in place of a section.
+    SHELL63 and SHELL93 have real constants in place of a section.
     """
-    if kind in (63, 93):
+    part = element.options.get(1, 0) if element.kind != 93 else 0
+    fault = f"{element.name} with KEYOPT(1) = {part}, a part of a shell's stiffness" if part else ""
+    if element.kind in (63, 93):
         t = np.array([each or real[0] for each in (real[:4] + [0.0] * 4)[:m]]) if real else np.full(m, np.nan)
-        return t, 0.0, ""
+        return t, 0.0, fault
     if section is None or section.of != "SHELL" or not section.rows:
-        return np.full(m, np.nan), 0.0, ""
+        return np.full(m, np.nan), 0.0, fault
     thickness = sum(row[0] for row in section.rows)
     where = (section.offset or ["MID"])[0].upper()
     shares = {"MID": 0.0, "TOP": -0.5, "BOT": 0.5}  # of nodes on the upper face the middle is below
-    fault = ""
     if len(section.rows) > 1:
         fault = f"{section.label} of {len(section.rows)} layers"
     elif where not in shares:
