@@ -26,7 +26,9 @@ class AnsysSection:
     offset: list[str] = field(default_factory=list)
 
 
-def shell_section(element: Element, section: AnsysSection | None, real: list[float], m: int) -> tuple[Array, float, str]:
+def shell_section(
+    element: Element, section: AnsysSection | None, real: list[float], m: int
+) -> tuple[Array, float, str]:
     """Return thickness at the m nodes of a shell, offset of its middle from them, and what of its section isn't read.
 
     SHELL63 and SHELL93 have real constants in place of a section.
