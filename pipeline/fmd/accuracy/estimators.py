@@ -85,7 +85,24 @@ class Estimates(Comparison):
         self.left_out += self.model.left_out
         self._within_limit("discretisation, more shifts of frequencies", self._march_shifts)
         found["discretisation"] |= self._shifts_and_shapes()
+        self._add_damped(found)
         return found | {"model": self.model.of_quantities}
+
+    def _add_damped(self, found: dict[str, dict[str, float | str]]) -> None:
+        """Count what the variants' steps damp of a quantity; where that is a large part, no error is stated.
+
+        Its phase may be lost: half of it counts, so that `SAFETY` times that is stated.
+        """
+        errors = found["discretisation"]
+        left = [name for name, part in self.damped.items() if not part < limits.MOST_OF_METHOD]
+        if left:
+            self.left_out.append(f"{len(left)} quantities that vibrate fast: {self.too_fast}")
+        for name, part in self.damped.items():
+            before = errors.get(name, NO_PART)
+            if name in left:
+                errors[name] = self.too_fast
+            elif isinstance(before, float):
+                errors[name] = math.hypot(before, 0.5 * part)
 
     def _within_limit(self, source: str, estimate: Callable[[], dict[str, float | str]]) -> dict[str, float | str]:
         """Return a source's estimates; if the time limit or a march leaves them out, the reason for each quantity."""
@@ -246,6 +263,8 @@ class Estimates(Comparison):
         if shift == _SHIFTS[0]:
             self.correct_by(theirs, 1 / limits.SAFETY, ours)
         for name, quantity in theirs.items():
+            if name not in ours:
+                continue
             change = ours[name].error(quantity) / limits.SAFETY
             self._shifts[name] = max(self._shifts.get(name, 0.0), change)
         return dict(self._shifts)

@@ -86,7 +86,8 @@ def _by_implicit_steps(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) 
 
     Steps without a solution, as of a loop that starts at rest with fast static responses, are halved.
     """
-    method = of.implicit_method
+    beside, ours = of.beside
+    method: Any = of.implicit_method if beside is of.plan else beside.integrator
     for k in range(limits.MOST_REFINEMENTS):
         plan = replace(of.plan, integrator=replace(method, step=method.step / 2**k))
         try:
@@ -96,7 +97,6 @@ def _by_implicit_steps(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) 
                 raise
         else:
             break
-    beside, ours = of.beside
     if plan.integrator != beside.integrator:
         ours = of.quantities_of(of.run, of.march(of.run, plan))
     return ours, of.quantities_of(rich, theirs, as_if=as_if or None)

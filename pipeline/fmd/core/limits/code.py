@@ -12,6 +12,9 @@ DOUBLES_AT_ONCE = 4  # of a matrix's column, in loops of kernels
 
 # Long programs.
 LONG_PROGRAM = 12_000  # operations, some 70 kB of machine code: from here on, parts that are alike share it
+# Effort of the code generator, 0 … 3. Of long programs, whose code has to be read anew each time, 1 takes half of the
+# time that 3 does (2.1 s of 3.9 for 91,000 operations), and they run as fast (6.4 µs for 6.3).
+MOST_EFFORT, LONG_EFFORT = 3, 1
 MOST_IN_PART = 2500  # operations of a part: LLVM's time for a function grows faster than it does
 MOST_COPIED = 32  # vector registers that a function copies to or from the parts' arrays: LLVM compares all pairs
 MOST_ON_STACK = 1 << 19  # doubles between a program's parts: half of the 8 MB that a thread's stack has

@@ -60,8 +60,9 @@ FOLLOWED, EVALUATIONS_A_STEP = 1.0, 12
 # Part of the time limit that each of a dozen marches may take, and part of an explicit march's time from which on
 # generalised-α is worth being another method.
 MARCH_OF_LIMIT, WORTH_OTHER_METHOD = 0.04, 0.6
-MOST_OF_METHOD = 0.1  # of each quantity by generalised-α: where more differs from the run, it is no measure of variants
+MOST_OF_METHOD = 0.1  # of a quantity by generalised-α: where more differs from the run, it is no measure of variants
 COMPARED_IMPLICIT_STEPS = 4000  # of two marches that are compared, whose errors in time are alike
+MORE_IMPLICIT_STEPS = 4.0  # times as many, where a quantity vibrates too fast for these
 # Change by a richer basis from which on its march is doubted, and the part of it that half of the step may change.
 DOUBTED, RESOLVED_PART = 0.01, 0.3
 # Of a richer basis whose march would take too long the run's shapes are kept, as many of its lowest ones and this many

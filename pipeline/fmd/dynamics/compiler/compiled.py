@@ -79,6 +79,11 @@ class CompiledMechanism:
         traced = ("_frames", "rows", "_signal_values", "_signal_values_ahead")
         vars(self).update({name: value for name, value in vars(other).items() if name in traced})
 
+    def trace_like(self, other: CompiledMechanism) -> None:
+        """Trace what another has traced, in its order: functions share a graph, on whose order their code depends."""
+        for name in (*other._programs,):
+            self.program(name)
+
     def with_numbers(self, numbers: Array) -> Mechanism:
         """Return the mechanism with other `numbers` of its joints."""
         links = [*self.mechanism.links]

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fmd.core.limits.code import LONG_EFFORT, LONG_PROGRAM, MOST_EFFORT
 from fmd.core.limits.memory import MOST_LOADED
 from fmd.core.paths import kernel_folder
 from fmd.core.recently_used import RecentlyUsed
@@ -60,10 +61,17 @@ def _make_program(name: str, path: Path, trace: Callable[[], Program]) -> Loaded
     of_code = object_path(name, digest)
     content = read_code(of_code)
     if content is None:
-        content = compile_object(source, effort=0 if program.seldom else 3)
+        content = compile_object(source, effort=_effort(program))
         write_code(of_code, content)
     write_code(path, digest + constants.tobytes())
     return LoadedObject(content, constants)
+
+
+def _effort(program: Program) -> int:
+    """Return the effort with which a program is compiled, see `compile_object`."""
+    if program.seldom:
+        return 0
+    return LONG_EFFORT if program.operations(register_width()) >= LONG_PROGRAM else MOST_EFFORT
 
 
 def constants_path(name: str, digest: str) -> Path:
