@@ -11,10 +11,11 @@ import numpy as np
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
-from fmd.core.limits.fitting import JUMP
+from fmd.core.limits.fitting import JUMP, ROUND_OFF_PARTS
 from fmd.core.limits.modes import SAME_FREQUENCY
 from fmd.fitting.frozen_run import Beside, FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
+from fmd.fitting.tangents import CONTACT
 from fmd.output.channels import ResultChannel, find_all_channels
 from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
@@ -157,6 +158,8 @@ def _differentiate(
     moves = any(channel.moves for channel in channels)
     pairs = [frozen.beside(motion, parameter, share, moves) for share in (1.0, 0.5)]
     unknown = _find_round_off(frozen.run, pairs) if moves else 0.0
+    # Points come into contact and leave it at steps, so that two distances may agree by chance.
+    wider = [frozen.beside(motion, parameter, 2.0)] if moves and pairs[0].lacking == CONTACT else []
     for channel in channels:
         value = np.asarray(channel.read(frozen.run))
         if not np.isfinite(value).all():
@@ -169,6 +172,9 @@ def _differentiate(
             near, error = pairs[1], np.abs(slope - rough)
             if channel.moves:
                 error = error + unknown * np.abs(slope).max()
+            for each in wider:
+                apart = slope - change_of(channel, frozen.run, each.low, each.high) / (2.0 * each.step)
+                error = error + np.abs(apart).max()
             jumps = _jumps(channel, near.low, near.high, share=near.step / abs(parameter.value))
             yield Sensitivity(channel, parameter, value, slope, error, jumps, near.by_tangents, near.lacking)
 
@@ -183,7 +189,7 @@ def _extrapolate(pairs: Sequence[Beside], changes: Sequence[Array]) -> tuple[Arr
 def _find_round_off(run: Pipeline, pairs: Sequence[Beside]) -> float:
     """Return which part of derivatives by a number may be round-off of bodies' modes that are solved anew beside it.
 
-    It is twice the sum of two parts. One is the largest difference, of a body's frequencies, between derivatives from
+    It is three times the sum of two parts. One is the largest difference, of a body's frequencies, between derivatives from
     modes solved anew and Rayleigh quotients, both of which are off. The other is what both have from round-off of the
     stiffness: what it has of translations, which would be nothing, as a part of the lowest mode's.
     """
@@ -200,7 +206,7 @@ def _find_round_off(run: Pipeline, pairs: Sequence[Beside]) -> float:
         size = float(np.abs(mean).max(initial=0.0))
         if size:
             shared = max(_translation_change(run, each, name) / (2.0 * each.step) for each in pairs)
-            largest = max(largest, 2.0 * (float(np.abs(solved - mean).max()) + shared) / size)
+            largest = max(largest, ROUND_OFF_PARTS * (float(np.abs(solved - mean).max()) + shared) / size)
     return largest
 
 

@@ -20,6 +20,8 @@ from fmd.fitting.neighbours import find_turns
 from fmd.integrators.protocol import Trajectory
 from fmd.stages.plan import Plan
 
+CONTACT = "contact"  # what of a run has no tangents where bodies touch
+
 
 class Tangent(NamedTuple):
     """Derivative of a motion by a number: of all positions (n_times, n_positions) and rates (n_times, n)."""
@@ -87,7 +89,7 @@ def say_what_lacks_tangents(plan: Plan) -> str:
     """Return what of a run has no tangents by any number, or by this one."""
     system = plan.marched[0]
     if not system.has_tangents:
-        return "sampled controllers" if system.is_sampled else "contact"
+        return "sampled controllers" if system.is_sampled else CONTACT
     if not plan.integrator.carries_tangent(system, [system]):
         return f"{plan.integrator.name} of loops" if system.has_loops else str(plan.integrator.name)
     return "shapes of bodies, or oscillators, that change with it"
