@@ -219,7 +219,7 @@ def test_a_fit_by_parts_or_from_several_starts_finds_the_minimum_that_one_search
         assert found.values[0] == pytest.approx(800.0, rel=0.01)
         assert found.summary()["starts"][0]["chi2"] == pytest.approx(found.chi2)
     assert by_parts.chi2 == pytest.approx(several.chi2, rel=1e-3)
-    with pytest.raises(InputError, match="takes bounds of each number"):
+    with pytest.raises(InputError, match="needs bounds"):
         fit_scene(experiments, read_varied(start, ["joint.slide.spring"]), 3)
 
 

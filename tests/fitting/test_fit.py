@@ -123,8 +123,10 @@ def test_information_is_the_inverse_normal_matrix_and_infinite_where_nothing_is_
     J = np.random.default_rng(0).standard_normal((30, 3)) * [1.0, 1e6, 1e-4]
     np.testing.assert_allclose(find_information(J).covariance, np.linalg.inv(J.T @ J), rtol=1e-9)
     dependent = np.column_stack([J, 2.0 * J[:, 1], np.zeros(30)])
-    half = find_information(dependent).half_widths
-    assert np.isfinite(half).tolist() == [True, False, True, False, False]
+    found = find_information(dependent)
+    assert np.isfinite(found.half_widths).tolist() == [True, False, True, False, False]
+    assert [found.partners(k) for k in range(5)] == [[], [3], [], [1], []]
+    assert found.correlation[1, 3] == pytest.approx(-1.0)  # more of one and less of the other leave all as it is
 
 
 def test_noise_is_estimated_on_a_smooth_history_and_its_residuals_are_white() -> None:

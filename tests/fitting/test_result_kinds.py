@@ -13,7 +13,7 @@ import fmd as package
 from fmd.core.errors import InputError
 from fmd.fitting.sensitivities import Sensitivity
 from fmd.output.channels import ResultChannel, find_channels
-from tests.contact.test_rigid_contacts import BALL, MASS, RADIUS, SPEED, free, scene
+from tests.contact.test_rigid_contacts import BALL, RADIUS, SPEED, free, scene
 from tests.fitting.test_optimise import PUSHED
 from tests.fitting.test_sensitivities import OSCILLATOR
 from tests.responses.test_rotors import ACROSS, ARM, DAMPER, POLAR, RADIAL, RIGID

@@ -298,7 +298,7 @@ def _spread_starts(varied: tuple[VariedNumber, ...], count: int) -> list[Array]:
         bounds = np.array([[each.to_share(each.low), each.to_share(each.high)] for each in varied])
         if not np.isfinite(bounds).all():
             key = varied[int(np.flatnonzero(~np.isfinite(bounds).all(axis=1))[0])].parameter.key
-            raise InputError("--starts", key, count, f"takes bounds of each number, --vary {key}=low..high")
+            raise InputError("--starts", key, None, f"needs bounds, --vary {key}=low..high")
         points = LatinHypercube(len(varied), rng=np.random.default_rng(0)).random(count - 1)
         starts += [*(bounds[:, 0] + points * np.ptp(bounds, axis=1))]
     return starts

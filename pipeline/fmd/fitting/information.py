@@ -16,7 +16,8 @@ class Information:
     """Information in residuals with unit noise on the numbers that they depend on."""
 
     # (n, n): smallest covariance of any unbiased estimate, of which infinite entries of the diagonal aren't determined
-    # at all (Cramér–Rao; Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, chapter 3)
+    # at all (Cramér–Rao; Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, chapter 3);
+    # between two such entries stands how they go together where residuals stay as they are, from -1 to 1
     covariance: Array
 
     @property
@@ -26,10 +27,9 @@ class Information:
 
     @property
     def correlation(self) -> Array:
-        """Correlations, (n, n); 0 with a number that isn't determined."""
-        known = np.isfinite(self.covariance.diagonal())
-        sizes = np.sqrt(np.where(known, self.covariance.diagonal(), 1.0))
-        whole = np.where(np.outer(known, known), self.covariance, np.eye(len(known)))
+        """Correlations, (n, n); 0 between a number that is determined and one that isn't."""
+        whole = np.where(np.isinf(self.covariance), 1.0, self.covariance)
+        sizes = np.sqrt(whole.diagonal())
         return np.asarray(whole / np.outer(sizes, sizes))
 
     def partners(self, number: int) -> list[int]:
@@ -49,10 +49,13 @@ def find_information(J: Array) -> Information:
     scaled = J / np.where(determined, sizes, 1.0)
     _, values, V = np.linalg.svd(scaled, full_matrices=False)
     kept = values > DEPENDENT_CONSTRAINT * max(values.max(initial=0.0), 1e-300)
+    free = V[~kept].T @ V[~kept]
     undetermined = ~determined | (V[~kept] ** 2 > DEPENDENT_CONSTRAINT).any(axis=0)
+    alone = np.sqrt(np.where(undetermined, free.diagonal(), 1.0))
     half = V[kept] / values[kept, None]
     covariance = (half.T @ half) / np.outer(np.where(determined, sizes, 1.0), np.where(determined, sizes, 1.0))
     covariance[undetermined, :] = covariance[:, undetermined] = 0.0
+    covariance += np.where(np.outer(undetermined, undetermined), free / np.outer(alone, alone), 0.0)
     covariance[undetermined, undetermined] = np.inf
     return Information(covariance)
 

@@ -82,7 +82,7 @@ def read_measurements(run: Pipeline, table: MeasuredTable, sigmas: Mapping[str, 
         values = column * unit_factor(file, text, unit or found[0].unit, found[0].unit)
         sigma = sigmas.get(name) or estimate_noise(values)
         if not sigma > 0.0:
-            mend = f"shows no noise, which would give it infinite weight; give it, e.g. --sigma {name}=1e-6"
+            mend = f"shows no noise and would have infinite weight; give it, e.g. --sigma {name}=1e-6, or leave it out"
             raise InputError(file, text, None, mend)
         channels.append(MeasuredChannel(name, found[0].unit, values, sigma, name in sigmas))
         results.append(found[0])

@@ -11,7 +11,7 @@ import numpy as np
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
-from fmd.core.limits.fitting import JUMP, ROUND_OFF_PARTS
+from fmd.core.limits.fitting import JUMP
 from fmd.core.limits.modes import SAME_FREQUENCY
 from fmd.fitting.frozen_run import Beside, FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
@@ -189,9 +189,9 @@ def _extrapolate(pairs: Sequence[Beside], changes: Sequence[Array]) -> tuple[Arr
 def _find_round_off(run: Pipeline, pairs: Sequence[Beside]) -> float:
     """Return which part of derivatives by a number may be round-off of bodies' modes that are solved anew beside it.
 
-    It is three times the sum of two parts. One is the largest difference, of a body's frequencies, between derivatives from
-    modes solved anew and Rayleigh quotients, both of which are off. The other is what both have from round-off of the
-    stiffness: what it has of translations, which would be nothing, as a part of the lowest mode's.
+    It is twice the sum of two parts. One is the largest difference, of a body's frequencies, between derivatives
+    from modes solved anew and Rayleigh quotients, both of which are off. The other is what both have from round-off of
+    the stiffness: what it has of translations, which would be nothing, as a part of the lowest mode's.
     """
     largest = 0.0
     for name, body in run.wholes.items():
@@ -206,7 +206,7 @@ def _find_round_off(run: Pipeline, pairs: Sequence[Beside]) -> float:
         size = float(np.abs(mean).max(initial=0.0))
         if size:
             shared = max(_translation_change(run, each, name) / (2.0 * each.step) for each in pairs)
-            largest = max(largest, ROUND_OFF_PARTS * (float(np.abs(solved - mean).max()) + shared) / size)
+            largest = max(largest, 2.0 * (float(np.abs(solved - mean).max()) + shared) / size)
     return largest
 
 

@@ -75,7 +75,7 @@ def draw_fit(axis: tuple[str, Array], histories: Sequence[FittedHistory], path: 
             )
             for level in (-2.0, 2.0):
                 right.axhline(level, color=GREY, linewidth=0.8, linestyle=":")
-            style_axes(right, "", "left over, of noise")
+            style_axes(right, "", "residual / noise")
         for axes in frames[-1]:
             axes.set_xlabel(label, fontsize=12)
             if len(places) <= _FEW:

@@ -7,9 +7,6 @@ DIFFERENCE = 2e-3
 NEAR_DIFFERENCE = 2e-4  # else, between motions that a tangent moves or that are drawn back after each part
 SAME_SHAPE = 0.02  # of a shape's size: what it may change by where motions are drawn back
 PARTS = 200  # of a motion
-ROUND_OFF_PARTS = (
-    3.0  # times the round-off that modes solved anew show, in derivatives' errors: twice was 1.25 too little
-)
 TRIED_TIMES = 8  # at which loads are compared, to see if they change in proportion to a number
 TRIED_MOVES = 1e-2  # of positions beside the start [m, rad or modal coordinate], at which equations are compared so
 # By the adjoint of a march.
