@@ -181,7 +181,7 @@ def test_the_mechanism_turns_and_moves_in_a_browser(text, tmp_path):
     path = tmp_path / "page.html"
     changed = text.replace("<title>", f"{AT_ONCE}<title>", 1).replace("</body>", HARNESS)
     path.write_text(changed, encoding="utf-8")
-    options = [*BROWSER, "--window-size=1280,1000"]
+    options = [*BROWSER, "--window-size=800,700"]
     options += [f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={tmp_path / 'page.png'}", "--dump-dom"]
     done = subprocess.run(
         [str(CHROMIUM), *options, path.as_uri()], capture_output=True, text=True, check=True, timeout=180

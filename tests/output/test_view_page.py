@@ -16,7 +16,7 @@ from tests.output.test_report import AT_ONCE, BROWSER, CHROMIUM, Page
 
 COARSE = "body.forearm.mesh.divisions=[6, 1, 1]"
 PUSH = 'drive.push={type="point force",marker="gripper.wrist",direction=[0,-1,0],force="1 N"}'
-# Moves the second slider, and points at the middle of what is drawn, and at an empty corner.
+# Points around each marker and at an empty corner, and moves two sliders.
 HARNESS = """<script>
 const answer = (value) => document.documentElement.dataset.answer = JSON.stringify(value);
 addEventListener("error", (e) => answer(e.message));
@@ -33,8 +33,11 @@ addEventListener("load", () => {
     return said("over");
   };
   const names = new Set();
-  for (let x = 4; x < canvas.clientWidth; x += 4)
-    for (let y = 4; y < canvas.clientHeight; y += 4) names.add(point(x, y));
+  for (const label of labels)
+    for (let x = -40; x <= 40; x += 4)
+      for (let y = -40; y <= 40; y += 4)
+        names.add(point((parseFloat(label.style.left) / 100) * canvas.clientWidth + x,
+          (parseFloat(label.style.top) / 100) * canvas.clientHeight + y));
   states.push([said("clock"), tip(), labels.map((label) => label.textContent), [...names], point(1, 1)]);
   const move = (k, value) => { sliders[k].value = value; sliders[k].dispatchEvent(new Event("input")); };
   move(1, sliders[1].max);

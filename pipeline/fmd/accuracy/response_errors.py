@@ -20,7 +20,7 @@ from fmd.accuracy.mesh_excess import add_across, combine_modes, energy_excess
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array
 from fmd.core.limits.errors import SAFETY
-from fmd.core.limits.patience import OF_TWO_MESHES
+from fmd.core.limits.patience import OF_MORE_MODES, OF_TWO_MESHES
 from fmd.core.limits.responses import ERROR_BANDS, ERROR_DECADES, FINE_RATIO, POINTS_OF_BAND
 from fmd.core.progress import Advance
 from fmd.responses.random_vibration import random_response
@@ -175,7 +175,7 @@ def shift_frequencies(run: Pipeline, advance: Advance = lambda done: None) -> Fr
     richer = run.variant(change_modes(run.scene, lambda body: {"count": 2 * body.modes.count + 2}))
     for k, part in enumerate(richer.parts.values(), start=1):
         assert part.modes is not None  # which makes them
-        advance(0.5 * k / len(richer.parts))
+        advance(OF_MORE_MODES * k / len(richer.parts))
     pair = make_coarse_pair(richer)
     if isinstance(pair, str):
         return pair.removeprefix("not estimated: ")

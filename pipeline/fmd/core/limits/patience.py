@@ -17,7 +17,8 @@ ABANDONED_SECONDS = 3600.0  # seconds; no file takes as long to be written
 SHOW_AFTER_SECONDS = 1.0  # before progress is shown at all
 SAY_AFTER_SECONDS = 10.0  # between two lines about tasks where there is no terminal
 SOLVING = 0.8  # part of the time of stiffening that its static responses take: 0.76 and 0.8 of two solids
-OF_TWO_MESHES = 0.6  # part of the time of errors by another mesh that its modes and those of more take
+OF_TWO_MESHES = 0.7  # part of the time of errors by another mesh that its modes and more modes take
+OF_MORE_MODES = 0.25  # part of that which the latter take, whose factor is there: of a rotor of 49,000 unknowns
 WITH_RATES = 0.9  # part of the time of a rotor's errors after which only its rates are left
 JUDGED_AFTER = 0.5  # seconds of a march from which on its progress forecasts the rest
 
