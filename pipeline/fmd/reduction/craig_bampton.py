@@ -96,7 +96,7 @@ def craig_bampton_modes_of_family(
 def _modes_between(fe: FEModel, solver: FreeBodySolver, fixed: Array, Psi: Array) -> tuple[int, Array, Array]:
     """Return the number of rigid motions, and omega and shapes of the rest, of both kinds of modes."""
     V = np.concatenate([fixed.reshape(len(Psi), -1), Psi], axis=1)
-    n_rigid = _count_rigid_motions(fe, solver.rigid_modes, V, ZERO_EIGENVALUE * -solver.shift)
+    n_rigid = _count_rigid_motions(fe, solver.rigid_modes, V, ZERO_EIGENVALUE * solver.bound)
     return n_rigid, *rayleigh_ritz(fe, _elastic(fe, solver.rigid_modes, V, V.shape[1] - n_rigid))
 
 

@@ -133,14 +133,10 @@ class CyclicSolver(FreeBodySolver):
         self._sector = cut_first_sector(fe, sectors)
         super().__init__(fe, factorise=factorise)
 
-    def _shifted_factor(self) -> tuple[float, Factor]:
-        """Choose the shift σ and condense the sector.
-
-        The shift lies far below the lowest eigenvalue, whose bound may be ten times too high: fixed cuts keep A stiff.
-        """
-        shift = -0.002 * self._lowest_bound()
-        self._harmonics = _CyclicInverse(self._sector, shift, self._factorise)
-        return shift, Factor(self._harmonics, self._harmonics.figures)
+    def _shifted_factor(self) -> Factor:
+        """Condense the sector to its cuts; they are fixed meanwhile, so ``K − σ M`` is stiff whatever σ."""
+        self._harmonics = _CyclicInverse(self._sector, self.shift, self._factorise)
+        return Factor(self._harmonics, self._harmonics.figures)
 
     def modes(self, count: int, constraints: Array | None = None) -> EigenPairs:
         """Return the ``count`` lowest elastic modes as `FreeBodySolver.modes`; under constraints those of the whole."""

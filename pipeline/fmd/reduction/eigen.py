@@ -25,6 +25,7 @@ from fmd.core.limits.modes import (
     MOST_DENSE,
     OF_ROUND_OFF,
     ROUNDED_RESIDUAL,
+    SHIFT,
     ZERO_EIGENVALUE,
 )
 from fmd.core.progress import Advance
@@ -46,8 +47,8 @@ class FreeBodySolver:
     """Modes and static responses of a body from one factorisation of ``K − σ M``, σ < 0.
 
     K alone is singular for a body that can move, so a shift of zero would return garbage; a negative shift makes the
-    matrix positive definite. It is scaled to the problem: a third of an upper bound of the lowest elastic
-    eigenvalue.
+    matrix positive definite. It is scaled to the problem: a small part of an upper bound of the lowest elastic
+    eigenvalue, which static responses are then close to at once.
 
     Parameters
     ----------
@@ -66,6 +67,8 @@ class FreeBodySolver:
         Rigid motions that the supports leave.
     shift : float
         σ [rad²/s²].
+    bound : float
+        Upper bound of the lowest elastic eigenvalue [rad²/s²]; 0 if supports hold the whole body.
 
     Raises
     ------
@@ -101,7 +104,9 @@ class FreeBodySolver:
         if self._T is not None:
             self._K, self._M = (sp.csr_array(self._T.T @ A @ self._T) for A in (fe.K, fe.M))
             self._R = _unknowns_of(self._R, self._T)
-        self.shift, self._factor = self._shifted_factor()
+        self.bound = self._lowest_bound() if self.rigid_modes.shape[1] else 0.0
+        self.shift = -SHIFT * self.bound
+        self._factor = self._shifted_factor()
         self._inverse = self._factor.solve
         self._responses: dict[bytes, Array] = {}
         self._advance: Advance = lambda done: None
@@ -207,10 +212,9 @@ class FreeBodySolver:
         bent = self._nodal(self._inverse(load if self._T is None else self._T.T @ load)).reshape(flat.shape)
         return np.asarray(bent - R @ np.linalg.solve(rigid_mass, MR.T @ bent)).reshape(u.shape)
 
-    def _shifted_factor(self) -> tuple[float, Factor]:
-        """Choose the shift σ, none if supports hold the whole body, and factorise ``K − σ M``."""
-        shift = -0.3 * self._lowest_bound() if self.rigid_modes.shape[1] else 0.0
-        return shift, self._factorise(self._K - shift * self._M)
+    def _shifted_factor(self) -> Factor:
+        """Factorise ``K − σ M``."""
+        return self._factorise(self._K - self.shift * self._M)
 
     def _loads(self, f: Array) -> Array:
         """Loads on the unknowns (n, k) of nodal loads f (n_nodes, 3, k)."""
@@ -289,20 +293,20 @@ class FreeBodySolver:
 
     def _verified_pairs(self, eigenvalues: Array, Phi: Array, expected: int, inverse: Inverse) -> EigenPairs:
         """Count the rigid-body modes, verify the others and give each its sign."""
-        n_rigid = int(np.count_nonzero(eigenvalues < ZERO_EIGENVALUE * -self.shift))
+        n_rigid = int(np.count_nonzero(eigenvalues < ZERO_EIGENVALUE * self.bound))
         if n_rigid != expected:  # round-off of stiff, thin elements leaves more of a rigid mode's eigenvalue
             sizes = np.abs(Phi)
             rounded = float(np.finfo(float).eps * (sizes * (abs(self._K) @ sizes)).sum(axis=0).max())
-            n_rigid = int(np.count_nonzero(eigenvalues < min(OF_ROUND_OFF * rounded, ROUNDED_RESIDUAL * -self.shift)))
+            n_rigid = int(np.count_nonzero(eigenvalues < min(OF_ROUND_OFF * rounded, ROUNDED_RESIDUAL * self.bound)))
         if n_rigid != expected:
             lowest = ", ".join(f"{value:.1e}" for value in eigenvalues[:8])
             whole = "a free body" if expected == 6 else "the body with its constraints"
             raise AccuracyError(
                 f"found {n_rigid} rigid-body modes, {whole} has {expected}; the lowest eigenvalues are {lowest} "
-                f"rad²/s², of which those below {ZERO_EIGENVALUE * -self.shift:.1e} count as zero"
+                f"rad²/s², of which those below {ZERO_EIGENVALUE * self.bound:.1e} count as zero"
                 + (
                     f"; round-off alone leaves {rounded:.0e} rad²/s², {THIN}"
-                    if rounded > ZERO_EIGENVALUE * -self.shift
+                    if rounded > ZERO_EIGENVALUE * self.bound
                     else ""
                 )
             )

@@ -13,7 +13,11 @@ SOFTER = 0.5
 INTERFACE_DEFECT = 1e-7  # part of a unit by which constraint modes may move an interface where they shouldn't
 RIGID_DEFECT = 1e-6  # part of a rigid motion that the Craig–Bampton space may miss
 RIGID_REST = 1e-7  # of a shape's size: less that is left without its rigid motion is none
-ZERO_EIGENVALUE = 1e-6  # of the shift, about the lowest elastic eigenvalue: Lanczos leaves 1e-12, an elastic mode 1
+# Of an upper bound of the lowest elastic eigenvalue: Lanczos leaves 1e-12, an elastic mode a tenth or more.
+ZERO_EIGENVALUE = 3e-7
+# Of that bound: static responses take 8 to 10 solutions where ten times as much takes 12 to 15; with a tenth of it
+# round-off of rigid motions leaves modes of held bodies a residual beyond the limit.
+SHIFT = 0.03
 ELASTIC_FREQUENCY = 1e-6  # of the highest eigenvalue's root: frequencies below are rigid motions
 
 # Eigenproblem.
