@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import Any, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 from fmd.core.units import PositiveLength
 from fmd.scene.bodies import DividedMesh, Solid, scale_count
@@ -68,21 +68,13 @@ class Bar(Solid):
         marker = { root = { face = "x-" }, tip = { face = "x+" } }
     """
 
+    parts: ClassVar[tuple[str, ...]] = ("bar",)
+    faces: ClassVar[tuple[str, ...]] = ("x-", "x+", "y-", "y+", "z-", "z+")  # ``"x-"`` is where x is least
     shape: Literal["bar"]
     length: PositiveLength  # Extent along x [m].
     depth: PositiveLength  # Extent along y [m].
     width: PositiveLength  # Extent along z [m].
     mesh: BarMesh  # Division into elements.
-
-    @property
-    def faces(self) -> tuple[str, ...]:
-        """Names of the six faces; ``"x-"`` is where x is least."""
-        return ("x-", "x+", "y-", "y+", "z-", "z+")
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        """Name of the one part that the mesh of a bar has."""
-        return ("bar",)
 
     @property
     def extents(self) -> tuple[float, float, float]:

@@ -46,6 +46,8 @@ class BeamMesh(SceneTable):
 class MeshedBeam(Solid):
     """Keys of bodies that are beams in a line."""
 
+    divided_directions: ClassVar[int] = 1
+    is_beam: ClassVar[bool] = True
     mesh: BeamMesh  # Division into elements.
     # Distances from the start [m] at which there is a section that markers and links may name as their ``face``.
     station: dict[Name, PositiveLength] = Field(default_factory=dict)
@@ -91,11 +93,6 @@ class MeshedBeam(Solid):
         return f"mesh={{ divisions = {[*self.divisions]} }}"
 
     @property
-    def is_beam(self) -> bool:
-        """A line of beams."""
-        return True
-
-    @property
     def faces(self) -> tuple[str, ...]:
         """Names of both ends and of the stations."""
         return (*_ENDS, *self.station)
@@ -105,11 +102,6 @@ class MeshedBeam(Solid):
         if self.mesh.size is not None:
             return {"mesh": BeamMesh(size=self.mesh.size / factor)}
         return {"mesh": BeamMesh(divisions=tuple(scale_count(count, factor) for count in self.divisions))}
-
-    @property
-    def divided_directions(self) -> int:
-        """Number of directions with more than one element."""
-        return 1
 
     def _check(self) -> None:
         for name, at in self.station.items():
@@ -289,6 +281,7 @@ class Profile(MeshedBeam):
         marker = { root = { face = "x-" }, tip = { face = "x+" } }
     """
 
+    parts: ClassVar[tuple[str, ...]] = ("profile",)
     shape: Literal["profile"]
     length: PositiveLength  # Extent along x [m].
     section: Annotated[Rectangle | Box | ISection, KindBy("type")]  # Its section, by ``type``.
@@ -302,8 +295,3 @@ class Profile(MeshedBeam):
     def lengths(self) -> tuple[float]:
         """Extent along x [m]."""
         return (self.length,)
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        """Name of the one part."""
-        return ("profile",)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cached_property
 from math import ceil, pi, sin
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -66,6 +66,8 @@ class SpurGear(Solid):
         marker = { bore = { face = "bore" } }
     """
 
+    parts: ClassVar[tuple[str, ...]] = ("gear",)
+    faces: ClassVar[tuple[str, ...]] = ("bore", "back", "front", "flanks", "roots", "tips")
     shape: Literal["spur-gear"]
     teeth: Annotated[int, Field(strict=True, ge=8, le=1000)]  # Number of teeth.
     module: PositiveLength  # Pitch circle's diameter over the number of teeth [m].
@@ -80,16 +82,6 @@ class SpurGear(Solid):
     # Of the rack, over the module: radius of its corners, which cut the fillets, likewise.
     rounding: Annotated[Number, Field(gt=0.0, le=1.0)] = 0.38
     mesh: GearTeethMesh = Field(default_factory=GearTeethMesh)  # Division into elements.
-
-    @property
-    def faces(self) -> tuple[str, ...]:
-        """Names of the bore, of the gear's two ends and of the surfaces of its teeth."""
-        return ("bore", "back", "front", "flanks", "roots", "tips")
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        """Name of the one part that the mesh of a gear has."""
-        return ("gear",)
 
     @cached_property
     def tooth(self) -> Tooth:

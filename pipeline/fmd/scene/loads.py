@@ -178,7 +178,8 @@ class MarkerLoad(SceneTable):
     @property
     def size(self) -> TimeFunction:
         """Force or torque over time."""
-        raise NotImplementedError
+        given: TimeFunction = getattr(self, "torque" if self.turns else "force")
+        return given
 
 
 class PointForce(MarkerLoad):
@@ -197,11 +198,6 @@ class PointForce(MarkerLoad):
 
     type: Literal["point force"]
     force: ForceOverTime  # Size of the force [N].
-
-    @property
-    def size(self) -> TimeFunction:
-        """Force over time."""
-        return self.force
 
 
 class PointTorque(MarkerLoad):
@@ -224,11 +220,6 @@ class PointTorque(MarkerLoad):
 
     type: Literal["point torque"]
     torque: TorqueOverTime  # Size of the torque [N m].
-
-    @property
-    def size(self) -> TimeFunction:
-        """Torque over time."""
-        return self.torque
 
 
 Drive = Annotated[PulseDrive | TorqueDrive | ForceDrive | MotionDrive | PointForce | PointTorque, KindBy("type")]

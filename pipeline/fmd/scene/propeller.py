@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import pi
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -75,6 +75,7 @@ class Propeller(Solid):
         marker = { hub = { face = "bore" }, tip = { face = "tip-1" } }
     """
 
+    parts: ClassVar[tuple[str, ...]] = ("sleeve", "joints", "blades")  # all joints and all blades
     shape: Literal["propeller"]
     blades: Annotated[int, Field(strict=True, ge=2, le=24)]  # Number of blades.
     bore: PositiveLength  # Diameter of the sleeve's bore [m].
@@ -97,11 +98,6 @@ class Propeller(Solid):
         """Names of the bore, of the sleeve's two ends and of three faces of each blade."""
         of_blades = (f"{face}-{k + 1}" for k in range(self.blades) for face in ("tip", "pressure", "suction"))
         return ("bore", "back", "front", *of_blades)
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        """Names of the mesh's parts: the sleeve, all joints and all blades."""
-        return ("sleeve", "joints", "blades")
 
     def of_order(self, order: int) -> dict[str, Any]:
         """Return the changes for elements of another order."""

@@ -92,13 +92,9 @@ class Plate(MeshedShell):
         marker = { root = { face = "x-" }, tip = { face = "x+" } }
     """
 
+    faces: ClassVar[tuple[str, ...]] = ("x-", "x+", "y-", "y+", "z-", "z+")  # the four edges and the two sides
     shape: Literal["plate"]
     width: PositiveLength  # Extent along y [m].
-
-    @property
-    def faces(self) -> tuple[str, ...]:
-        """Names of the four edges and the two sides."""
-        return ("x-", "x+", "y-", "y+", "z-", "z+")
 
 
 class Tube(MeshedShell):
@@ -125,13 +121,9 @@ class Tube(MeshedShell):
 
     _fewest = (1, 13)  # around: with fewer the wall would have folds
 
+    faces: ClassVar[tuple[str, ...]] = ("x-", "x+", "inside", "outside")  # the two ends and the two sides
     shape: Literal["tube"]
     radius: PositiveLength  # Radius of the middle of the wall [m].
-
-    @property
-    def faces(self) -> tuple[str, ...]:
-        """Names of the two ends and the two sides."""
-        return ("x-", "x+", "inside", "outside")
 
     def _check(self) -> None:
         if not self.wall < 2 * (self.radius - abs(self.offset)):

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from fmd.core.units import Angle, AngularRate, NonNegative, Positive, Torque
 from fmd.scene.force_elements import AngleStop, TurningDamping, TurningStiffness
-from fmd.scene.joints.joint import Along, CarryingJoint, along_axis
+from fmd.scene.joints.joint import Along, CarryingJoint
 from fmd.scene.values import Axis
 
 
@@ -25,11 +25,6 @@ class OneAngleJoint(CarryingJoint):
     friction: Annotated[Torque, NonNegative] = 0.0  # Largest friction about the axis [N m].
     # Angular rate at which friction has reached 71 % of that [rad/s].
     friction_rate: Annotated[AngularRate, Positive] = 1e-2
-
-    @property
-    def along(self) -> tuple[Along, ...]:
-        """Spring, damper, stops and friction about the axis."""
-        return along_axis(self)
 
 
 class TwoAngleJoint(CarryingJoint):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -85,7 +85,8 @@ class JointTable(SceneTable):
     @property
     def along(self) -> tuple[Along, ...]:
         """Spring, damper, stops and friction along each coordinate; empty where none can be."""
-        return ()
+        keys = ("spring", "rest", "damper", "stop", "friction", "friction_rate")  # of joints with one coordinate
+        return (Along(*(getattr(self, key) for key in keys)),) if self.kind.unit else ()
 
     def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
         """Return coordinates and rates at the start; of a rotation in space that starts at none the rates alone.
@@ -124,9 +125,3 @@ class CarryingJoint(JointTable, Orientation):
         general = {"type", *CarryingJoint.model_fields, *self.closing_keys}
         optional = [name for name, field in type(self).model_fields.items() if not field.is_required()]
         return [name for name in optional if name not in general and name in self.model_fields_set]
-
-
-def along_axis(joint: Any) -> tuple[Along, ...]:
-    """Return what acts along the one coordinate of a joint with the keys of a spring, a damper, a stop and friction."""
-    given = (joint.spring, joint.rest, joint.damper, joint.stop, joint.friction, joint.friction_rate)
-    return (Along(*given),)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from fmd.core.joint_kinds import ACROSS, AXIS, LOCKED, ElementaryMotion, JointKind
 from fmd.core.units import Force, Length, NonNegative, Positive, TranslationalDamping, TranslationalStiffness, Velocity
 from fmd.scene.force_elements import LengthStop
-from fmd.scene.joints.joint import Along, CarryingJoint, Mark, along_axis
+from fmd.scene.joints.joint import CarryingJoint, Mark
 from fmd.scene.values import Axis
 
 PRISMATIC = JointKind("prismatic", ("m",), slides=(ElementaryMotion(AXIS),), points=ACROSS, squares=LOCKED)
@@ -48,8 +48,3 @@ class Prismatic(CarryingJoint):
     stop: LengthStop | None = None  # End stops.
     friction: Annotated[Force, NonNegative] = 0.0  # Largest friction along the axis [N].
     friction_rate: Annotated[Velocity, Positive] = 1e-3  # Speed at which friction has reached 71 % of that [m/s].
-
-    @property
-    def along(self) -> tuple[Along, ...]:
-        """Spring, damper, stops and friction along the axis."""
-        return along_axis(self)
