@@ -16,6 +16,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.core.cache import Cache
 from fmd.core.errors import AccuracyError, InputError
+from fmd.output.frequencies import mode_warnings
 from tests.fem.formats.test_nastran_op2 import op2
 
 BEAM = """title = "t"
@@ -357,3 +358,13 @@ def test_what_it_cannot_give_is_refused_by_name(made: Made):
     assert not part.has_stress
     with pytest.raises(InputError, match="without elements it has no mesh, no stress and no picture"):
         part.mesh  # noqa: B018
+
+
+def test_a_superelement_in_an_unusual_unit_is_warned_of(made: Made):
+    run = given(made, "beam.pch", ', nodes = "nodes.csv"')
+    (made.folder / "slow.toml").write_text(
+        (made.folder / Path(run.scene.file).name).read_text().replace("N/mm", "nN/mm")
+    )
+    texts = [[each["text"] for each in mode_warnings(own)] for own in (run, scene(made.folder / "slow.toml"))]
+    assert not texts[0]
+    assert [text[:34] for text in texts[1]] == ["beam: its lowest frequency is 0.00"]

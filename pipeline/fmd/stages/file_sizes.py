@@ -30,7 +30,7 @@ def require_possible_sizes(part: FlexiblePart, modes: Modes) -> None:
 
 def unusual_sizes(part: FlexiblePart) -> Iterator[str]:
     """Write a sentence for each size of a body from a file that is far from usual ones."""
-    if not part.shape.file_keys or part.is_reduced:
+    if not part.shape.file_keys:
         return
     x = part.mesh.points if part.has_mesh else part.body.x if part.joint.marker else part.fe.x  # what is kept, if any
     for value, (what, low, high, unit, examples) in zip(_measure(x, part.modes), USUAL_OF_FILES, strict=True):
