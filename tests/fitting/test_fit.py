@@ -21,9 +21,9 @@ from fmd.fitting.experiment_files import read_experiments
 from fmd.fitting.experiments import HistoryExperiment
 from fmd.fitting.fit import fit_scene
 from fmd.fitting.fit_model import FitModel
-from fmd.fitting.information import find_information, whiteness
+from fmd.fitting.information import find_information, probability_of, whiteness
 from fmd.fitting.measured_tables import read_table
-from fmd.fitting.measurements import estimate_noise, read_measurements
+from fmd.fitting.measurements import estimate_noise, noise_spread, read_measurements
 from fmd.fitting.parameters import find_parameter
 from fmd.fitting.varied import VariedNumber, read_varied
 from fmd.output.channels import find_channels
@@ -127,6 +127,14 @@ def test_information_is_the_inverse_normal_matrix_and_infinite_where_nothing_is_
     assert np.isfinite(found.half_widths).tolist() == [True, False, True, False, False]
     assert [found.partners(k) for k in range(5)] == [[], [3], [], [1], []]
     assert found.correlation[1, 3] == pytest.approx(-1.0)  # more of one and less of the other leave all as it is
+
+
+def test_chi_squared_of_noise_that_is_estimated_has_the_probability_that_it_is_so_large() -> None:
+    """Of 4,000 noises of 400 values each, one in a hundred is below 0.01 and one in ten below 0.1."""
+    noises = np.random.default_rng(4).standard_normal((4000, 400))
+    found = [probability_of(float(np.sum((x / estimate_noise(x)) ** 2)), 400, noise_spread()) for x in noises]
+    assert np.mean(np.array(found) < 0.1) == pytest.approx(0.1, abs=0.02)
+    assert np.mean(np.array(found) < 0.01) == pytest.approx(0.01, abs=0.007)
 
 
 def test_noise_is_estimated_on_a_smooth_history_and_its_residuals_are_white() -> None:

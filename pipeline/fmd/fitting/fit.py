@@ -24,7 +24,8 @@ from fmd.core.limits.fitting import (
 from fmd.core.progress import Monitor, silent
 from fmd.fitting.experiments import Experiment
 from fmd.fitting.fit_model import FitModel
-from fmd.fitting.information import Information, find_information, whiteness
+from fmd.fitting.information import Information, find_information, probability_of, whiteness
+from fmd.fitting.measurements import noise_spread
 from fmd.fitting.varied import VariedNumber
 
 
@@ -87,9 +88,8 @@ class Fit:
 
         It is 1 without degrees of freedom: as many numbers as values fit anything.
         """
-        from scipy.stats import chi2
-
-        return float(chi2.sf(self.chi2, self.n_free)) if self.n_free > 0 else 1.0
+        spreads = [np.full(len(each.values), 1.0 if each.given else noise_spread()) for each in self.model.channels]
+        return probability_of(self.chi2, self.n_free, float(np.concatenate(spreads).mean()))
 
     @property
     def white(self) -> dict[str, float]:

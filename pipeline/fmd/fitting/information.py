@@ -60,6 +60,16 @@ def find_information(J: Array) -> Information:
     return Information(covariance)
 
 
+def probability_of(chi2: float, n_free: int, spread: float) -> float:
+    """Return the probability of so large a chi-squared, whose variance is so many times that of known noise."""
+    from scipy.stats import chi2 as known
+    from scipy.stats import f as ratio
+
+    if n_free < 1 or spread <= 1.0:
+        return float(known.sf(chi2, n_free)) if n_free > 0 else 1.0
+    return float(ratio.sf(chi2 / n_free, n_free, n_free / (spread - 1.0)))
+
+
 def whiteness(residuals: Array) -> float:
     """Return the probability that white noise has correlations over time as large as those of residuals (n_times,).
 

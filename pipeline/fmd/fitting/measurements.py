@@ -100,6 +100,16 @@ def estimate_noise(values: Array) -> float:
     return float(np.sqrt(np.mean(np.diff(values, NOISE_ORDER) ** 2) / gain))
 
 
+def noise_spread() -> float:
+    """Return the variance of chi-squared by the noise of `estimate_noise`, over that by known noise.
+
+    For many values: differences of order m of white noise have the squares of correlations that sum to
+    ``C(4 m, 2 m) / C(2 m, m)²``, and the estimate varies with the residuals, which takes 1 off.
+    """
+    m = NOISE_ORDER
+    return math.comb(4 * m, 2 * m) / math.comb(2 * m, m) ** 2 - 1.0
+
+
 def name_and_unit(file: str, text: str) -> tuple[str, str]:
     """Return the name of a column and its unit in brackets, empty if it has none."""
     match = _COLUMN.fullmatch(text)
