@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from fmd.core.cache import Cache
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.scene.scene import load_scene
 from fmd.stages import like_mechanisms
 from fmd.stages.like_mechanisms import build_like
 from fmd.stages.mechanism import build_mechanism
+from fmd.stages.pipeline import Pipeline
 
 _DAMPED = ["joint.slide.rest=1 mm", "joint.slide.damper=1 N s/m"]
 
@@ -55,3 +57,14 @@ def test_a_mechanism_with_other_numbers_of_joints_is_the_one_that_is_built(
     if anew == 1:
         assert "rigid" in vars(both[0])
         assert (found.digest == first.digest) == bool(found.numbers.size == first.numbers.size)
+
+
+def test_points_with_a_stiffened_body_have_one_body_and_no_mechanisms_of_their_own(built: list[str]) -> None:
+    coarse = ["body.forearm.mesh.divisions=[4,1,1]", "body.forearm.modes.count=1", "simulation.stiffening=on"]
+    first, other = (load_scene("arm", [*coarse, f"joint.elbow.damper={damper} N m s"]) for damper in (0.1, 0.2))
+    one = Pipeline(first, Cache(None))
+    assert one.mechanism.links[1].integrals.displacement2.size
+    two = one.variant(other)
+    assert two.bodies["forearm"] is one.bodies["forearm"]
+    assert (one.mechanism.links[1].damper, two.mechanism.links[1].damper) == (0.1, 0.2)
+    assert len(built) == len(two.built) == 2  # without stiffening, which is checked, and with it

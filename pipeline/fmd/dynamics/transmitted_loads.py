@@ -82,16 +82,16 @@ def geometric_stiffness_over(mechanism: Mechanism, body: int, loads: BodyLoads) 
     K = np.zeros((len(loads.spin), n, n))
     for wrench, at in zip(loads.wrenches, loaded_places(mechanism, body).markers, strict=True):
         if at.displacement2.size:
-            K = K - np.einsum("tk,kij->tij", wrench, at.displacement2)
+            K = K - np.tensordot(wrench, at.displacement2, 1)
     if link.joint_displacement2.size:
         K = K - np.einsum(
             "t,ij->tij", loads.joint[:, 3:] @ link.axis / np.linalg.norm(link.axis), link.joint_displacement2
         )
     if integrals.stiffening.size:
-        K = K + np.einsum("tab,abij->tij", _spin_products(loads.spin), integrals.stiffening)
+        K = K + np.tensordot(_spin_products(loads.spin), integrals.stiffening, 2)
     for motion, forms in ((loads.acceleration, integrals.displacement2), (loads.turning, integrals.rotation2)):
         if forms.size:
-            K = K + np.einsum("ta,aij->tij", motion, forms)
+            K = K + np.tensordot(motion, forms, 1)
     return np.asarray(0.5 * (K + K.swapaxes(1, 2)))
 
 

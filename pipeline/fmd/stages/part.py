@@ -63,6 +63,7 @@ _TEETH = (*_SHAPES, *_REDUCTION, *_STRESS, "fmd/contact/gear_pair.py", "fmd/stag
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
 _OF_THE_PART = ("shape", "joint", "contact_faces", "frame", "stiffening")  # and its files: all that its results are of
+_STIFFENED = "body and what it is stiffened to"
 T = TypeVar("T")
 
 
@@ -343,9 +344,12 @@ class FlexiblePart(KeyedPart):
 
     @property
     def stiffened(self) -> FlexibleBody:
-        """The reduced body, stiffened by all loads that pass through it."""
-        integrals, markers = self.second_order
-        return replace(self.body, integrals=integrals, markers=markers)
+        """The reduced body, stiffened by all loads that pass through it; variants with the same body have one."""
+        body, (integrals, markers) = self.body, self.second_order
+        kept = self.results.get(_STIFFENED)
+        if kept is None or kept[0] is not body:
+            kept = self.results[_STIFFENED] = body, replace(body, integrals=integrals, markers=markers)
+        return kept[1]
 
     def for_any_motion(self, body: FlexibleBody) -> FlexibleBody:
         """Add the inertia integrals that motion about one axis doesn't take to the reduced body, stiffened or not."""
