@@ -15,9 +15,9 @@ RIGID_DEFECT = 1e-6  # part of a rigid motion that the Craig–Bampton space may
 RIGID_REST = 1e-7  # of a shape's size: less that is left without its rigid motion is none
 # Of an upper bound of the lowest elastic eigenvalue: Lanczos leaves 1e-12, an elastic mode a tenth or more.
 ZERO_EIGENVALUE = 3e-7
-# Of that bound: static responses take 8 to 10 solutions where ten times as much takes 12 to 15; with a tenth of it
-# round-off of rigid motions leaves modes of held bodies a residual beyond the limit.
-SHIFT = 0.03
+# Of that bound: static responses take 12 to 15 solutions where a tenth of it takes 8 to 10, but with a third already
+# round-off of rigid motions leaves modes of bars that joints hold, 300 times as long as deep, too large a residual.
+SHIFT = 0.3
 ELASTIC_FREQUENCY = 1e-6  # of the highest eigenvalue's root: frequencies below are rigid motions
 
 # Eigenproblem.
