@@ -24,13 +24,17 @@ from fmd.reduction.factor.figures import FactorFigures
 
 
 def node_graph(A: sp.csr_array, size: int) -> sp.csr_array:
-    """Graph of the nodes, of ``size`` unknowns each, that a matrix couples; symmetric, without loops."""
+    """Graph of the nodes, of ``size`` unknowns each, that a matrix couples; symmetric, without loops.
+
+    Differences of matrices drop entries that come out as zero, and round-off may leave one of a pair: it couples, too.
+    """
     blocks = A.tobsr((size, size))
     rows = np.repeat(np.arange(len(blocks.indptr) - 1), np.diff(blocks.indptr))
     apart = rows != blocks.indices
     ends = np.concatenate([[0], np.cumsum(apart)])[blocks.indptr].astype(blocks.indptr.dtype)
     ones = np.ones(int(ends[-1]), dtype=np.float32)
-    return sp.csr_array((ones, blocks.indices[apart], ends), (len(ends) - 1,) * 2)
+    graph = sp.csr_array((ones, blocks.indices[apart], ends), (len(ends) - 1,) * 2)
+    return sp.csr_array(graph + graph.T)
 
 
 def elimination_tree(graph: sp.csr_array) -> tuple[IntArray, IntArray]:

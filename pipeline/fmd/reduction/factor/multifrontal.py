@@ -159,17 +159,16 @@ def factorise_fronts(A: sp.csr_array, order: IntArray, fronts: Sequence[Front]) 
             _extend(fronts[child].below, rest(child), local, places, D, B, U)
         # Columns lie in rows here, which are columns to LAPACK, and it writes into them.
         _, wrong = dpotrf(D.T, lower=1, overwrite_a=1, clean=0)
-        if wrong:
-            raise AccuracyError(
-                f"the shifted stiffness is not positive definite: the factor ends at pivot {front.first + wrong}"
-            )
+        if wrong or np.isnan(D[-1, -1]):  # LAPACK takes a pivot that isn't a number, and makes all after it such
+            end = front.first + (wrong or front.width)
+            raise AccuracyError(f"the shifted stiffness is not positive definite: the factor ends at pivot {end}")
         if B.size:
             dtrsm(1.0, D.T, B.T, side=1, lower=1, trans_a=1, overwrite_b=1)
             dsyrk(-1.0, B.T, 1.0, U.T, lower=1, overwrite_c=1)
         parts.append((slice(front.first, front.first + front.width), front.below, D.T, B))
 
     def solve(f: Array) -> Array:
-        x = f.reshape(n, -1).T[:, order]
+        x = np.asarray(f, dtype=float).reshape(n, -1).T[:, order]
         if not x.size:
             return f.copy()
         for own, below, L, B in parts:
