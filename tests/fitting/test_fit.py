@@ -127,6 +127,9 @@ def test_information_is_the_inverse_normal_matrix_and_infinite_where_nothing_is_
     assert np.isfinite(found.half_widths).tolist() == [True, False, True, False, False]
     assert [found.partners(k) for k in range(5)] == [[], [3], [], [1], []]
     assert found.correlation[1, 3] == pytest.approx(-1.0)  # more of one and less of the other leave all as it is
+    fewer = find_information(np.column_stack([J[:2], np.zeros(2)]))  # two residuals of four numbers
+    assert np.isinf(fewer.half_widths).all()
+    assert fewer.partners(3) == []
 
 
 def test_chi_squared_of_noise_that_is_estimated_has_the_probability_that_it_is_so_large() -> None:

@@ -47,7 +47,8 @@ def find_information(J: Array) -> Information:
     sizes = np.linalg.norm(J, axis=0)
     determined = sizes > 0.0
     scaled = J / np.where(determined, sizes, 1.0)
-    _, values, V = np.linalg.svd(scaled, full_matrices=False)
+    lacking = max(len(sizes) - len(J), 0)  # fewer residuals than numbers leave directions free
+    _, values, V = np.linalg.svd(np.pad(scaled, ((0, lacking), (0, 0))), full_matrices=False)
     kept = values > DEPENDENT_CONSTRAINT * max(values.max(initial=0.0), 1e-300)
     free = V[~kept].T @ V[~kept]
     undetermined = ~determined | (V[~kept] ** 2 > DEPENDENT_CONSTRAINT).any(axis=0)
