@@ -123,16 +123,21 @@ def test_two_balls_of_triangles_strike_as_hertz_says(tmp_path: Path) -> None:
     assert hit["impulse_n_s"][2] == pytest.approx(2.0 * MASS * SPEED, rel=1e-3)
 
 
-@pytest.mark.parametrize("tilt", [0.0, 0.3])
-def test_a_box_of_triangles_that_is_dropped_keeps_its_energy(tmp_path: Path, tilt: float) -> None:
+def box(path: Path, height: float = 0.01) -> None:
+    """Write a box of sides of 20 mm, and twice a height."""
     flat, triangles = grid(0.01, 6)
     faces, corners = list[Array](), list[IntArray]()
     for axis in range(3):
         for side in (1.0, -1.0):
             x = np.insert(flat, 2, 0.01 * side, axis=1)[:, [(2 - axis) % 3, (3 - axis) % 3, (4 - axis) % 3]]
             corners.append((triangles if side > 0.0 else triangles[:, ::-1]) + len(flat) * len(faces))
-            faces.append(x)
-    write_stl(tmp_path / "box.stl", np.concatenate(faces), np.concatenate(corners))
+            faces.append(x * [1.0, 1.0, height / 0.01])
+    write_stl(path, np.concatenate(faces), np.concatenate(corners))
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_a_box_of_triangles_that_is_dropped_keeps_its_energy(tmp_path: Path, tilt: float) -> None:
+    box(tmp_path / "box.stl")
     joint = free("box.centre", [0, 0, 0.02], [0, 0, -0.5]) | {"rotate": [tilt, 0.5 * tilt, 0]}
     floor = {"between": ["ground", "box.skin"], "normal": [0, 0, 1]}
     run = Pipeline(load_scene(scene({"box": body(tmp_path / "box.stl")}, {"free": joint}, {"floor": floor}, 0.03)))
@@ -155,6 +160,15 @@ def test_a_sheet_that_looks_the_wrong_way_is_warned_of(tmp_path: Path, turn: int
     run = Pipeline(load_scene(scene(bodies, joints, {"hit": {"between": ["low.skin", "high.skin"]}}, 1e-6)))
     said = [own["text"] for own in contact_warnings(run) if own["code"] == "contact-facing"]
     assert ["look the same way where they are nearest" in text for text in said] == [True] * (turn < 0)
+
+
+def test_flat_boxes_beside_each_other_are_not_warned_of(tmp_path: Path) -> None:
+    """Mean normals at their nearest edges are alike."""
+    box(tmp_path / "box.stl", 0.004)
+    bodies = {"left": body(tmp_path / "box.stl"), "right": body(tmp_path / "box.stl")}
+    joints = {f"to_{name}": free(f"{name}.centre", [0.0205 * k, 0, 0], [0, 0, 0]) for k, name in enumerate(bodies)}
+    run = Pipeline(load_scene(scene(bodies, joints, {"hit": {"between": ["left.skin", "right.skin"]}}, 1e-6)))
+    assert not [own for own in contact_warnings(run) if own["code"] == "contact-facing"]
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from fmd.contact.surfaces import node_normals
+from fmd.contact.surfaces import find_rim, node_normals
 from fmd.core.arrays import Array
 from fmd.core.limits.contact import FACE_ALIKE, FEW_ON_MESH, FEW_POINTS, LOST_ENERGY, RIGID_BESIDE, UNSEEN_DEPTH
 from fmd.output.between_nodes import describe_depths
@@ -145,19 +145,23 @@ def _coarse_faults(motion: Motion) -> Iterator[str]:
 
 
 def _facing_faults(motion: Motion) -> Iterator[str]:
-    """Yield which faces of triangles look the same way where they are nearest at the start: they pass through."""
+    """Yield which faces of triangles look the same way where they are nearest at the start: they pass through.
+
+    Two closed ones don't, as they are refused inside out, though mean normals at their edges may be alike.
+    """
     bodies, frames = {own.body: own for own in motion.mechanism.contacts}, motion.kinematics.frames
     for body in bodies.values():
         for pair in body.pairs:
-            sides = []
+            sides, is_open = [], False
             for name, face in ((body.body, pair.face), (pair.other, pair.other_face)):
                 points, frame = bodies[name].points, frames[motion.mechanism.number_of(name)]
                 if face in points.surfaces:
                     corners = np.unique(points.surfaces[face])
+                    is_open |= bool(find_rim(points.surfaces[face]).any())
                     both = points.x[corners], node_normals(points, points.surfaces[face])[corners]
                     x, normals = (own @ frame.rotation[0].T for own in both)
                     sides.append((f"{name}.{face}", x + frame.origin[0], normals))
-            if len(sides) < 2:
+            if len(sides) < 2 or not is_open:
                 continue
             (one, x, normals), (two, others, their_normals) = sides
             apart, nearest = cKDTree(others).query(x)
