@@ -34,7 +34,7 @@ def node_graph(A: sp.csr_array, size: int) -> sp.csr_array:
     ends = np.concatenate([[0], np.cumsum(apart)])[blocks.indptr].astype(blocks.indptr.dtype)
     ones = np.ones(int(ends[-1]), dtype=np.float32)
     graph = sp.csr_array((ones, blocks.indices[apart], ends), (len(ends) - 1,) * 2)
-    return sp.csr_array(graph + graph.T)
+    return sp.csr_array(graph.maximum(graph.T))
 
 
 def elimination_tree(graph: sp.csr_array) -> tuple[IntArray, IntArray]:
