@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 CONTACT_ERRORS = "contact errors"
 _OF_ITSELF = {"energy_error_j": "it is an error itself"}
 _HISTORIES: Mapping[str, Callable[[ContactHistory], Array]] = {
-    "largest_force_n": lambda own: own.tops[:, 0],
-    "largest_pressure_pa": lambda own: own.tops[:, 2],
-    "largest_area_m2": lambda own: own.tops[:, 1],
+    "largest_force_n": lambda own: own.force,
+    "largest_pressure_pa": lambda own: own.peak_pressure,
+    "largest_area_m2": lambda own: own.area,
 }
 """What figures are the largest of: two marches may have the same by chance, and peaks near it tell them apart."""
 _HEATS: Mapping[str, Callable[[ContactHistory], Array]] = {
@@ -115,13 +115,17 @@ def step_differences(run: Pipeline) -> Differences:
     plan = next(iter(run.plans.values()))
     method: Any = plan.integrator
     longer = 2.0 * method.step <= LARGEST_STEP * min(method.largest_step(plan.system), plan.system.largest_step)
-    other = replace(plan, integrator=replace(method, step=method.step * (2.0 if longer else 0.5)))
+    step, ratio = run.motion.trajectory.step, 2.0 if longer else 0.5
+    other = replace(plan, integrator=replace(method, step=method.step * ratio))
     try:
-        histories = run.motion_by(other, other.march(run.output_times)).contacts
+        march = other.march(run.output_times)
+        if march.step == step:  # it has been halved where Newton's iteration failed
+            ratio, other = 0.5, replace(plan, integrator=replace(method, step=0.5 * step))
+            march = other.march(run.output_times)
+        histories = run.motion_by(other, march).contacts
     except (StabilityError, AccuracyError) as error:
-        return _all(run, f"the march with {'twice' if longer else 'half'} the step failed: {error}")
-    order, step = 1.0 if any(body.is_lossy for body in plan.mechanism.contacts) else 2.0, method.step
-    ratio = 2.0 if longer else 0.5
+        return _all(run, f"the march with {'twice' if ratio > 1.0 else 'half'} the step failed: {error}")
+    order = 1.0 if any(body.is_lossy for body in plan.mechanism.contacts) else 2.0
 
     def share(key: str) -> float:
         return float(1.0 / abs(ratio ** (1.0 if key in (*_HISTORIES, *_WEAR) else order) - 1.0))
