@@ -110,7 +110,7 @@ def step_differences(run: Pipeline) -> Differences:
     A march with twice the step differs by 2^p − 1 times the error of ours, of order p, or, where contact doesn't allow
     that, one with half the step by 1 − 2^-p of it. The order is 2, and 1 of the largest values, which the steps just
     meet, with friction, whose slip is counted by steps, with damping, and of wear. Times are known to a step,
-    areas to a point, heat and wear to their part of the energy that the steps make or lose.
+    slips to the longest in one, areas to a point, heat and wear to their part of the energy that steps make or lose.
     """
     plan = next(iter(run.plans.values()))
     method: Any = plan.integrator
@@ -131,10 +131,12 @@ def step_differences(run: Pipeline) -> Differences:
         return float(1.0 / abs(ratio ** (1.0 if key in (*_HISTORIES, *_WEAR) else order) - 1.0))
 
     times, points = dict.fromkeys(("begin_s", "end_s"), step), _areas_of_points(run)
-    found = {
-        name: _differences(own, histories[name], share, times | {"largest_area_m2": points.get(name, 0.0)})
-        for name, own in run.motion.contacts.items()
-    }
+    found = {}
+    for name, own in run.motion.contacts.items():
+        fastest = float((np.diff(own.slip) / np.diff(run.motion.times)).max(initial=0.0))
+        slips = dict.fromkeys(("largest_slip_m", "mean_slip_m"), fastest * step)
+        known_to = times | slips | {"largest_area_m2": points.get(name, 0.0)}
+        found[name] = _differences(own, histories[name], share, known_to)
     return {name: errors | _at_least(errors, run.motion.contacts[name]) for name, errors in found.items()}
 
 
