@@ -145,8 +145,8 @@ def compare_tangents(
 ) -> tuple[float, float, float]:
     """Return the largest difference from the reference, that one's noise, and the stated error, of one number.
 
-    It is one beyond 1e-8, noise and stated error if there is any. All are parts of the largest derivative of a result;
-    components of the position count as one.
+    It is the one that is most beyond 1e-8, or beyond noise and stated error, if any is. All are parts of the largest
+    derivative of a result; components of the position count as one.
     """
     channels = list({each.channel.name: each.channel for each in found}.values())
     mine = {
@@ -166,7 +166,7 @@ def compare_tangents(
             own = max(noise[k] for k, _ in group) / largest
             stated = max(mine[parameter.key, each.name][1].max() for _, each in group) / largest
             found_apart.append((float(apart), float(own), float(stated)))
-    return max(found_apart, key=lambda each: (each[0] > max(SAME_DERIVATIVE, *each[1:]), each[0]))
+    return max(found_apart, key=lambda each: (max(each[0] / max(SAME_DERIVATIVE, each[1] + each[2]), 1.0), each[0]))
 
 
 def compare_adjoint(frozen: FrozenRun, parameters: list[Parameter]) -> float:

@@ -218,7 +218,7 @@ def random_derivatives() -> str:
         within = len({row["seed"] for row in (*exact, *stated)})
         adjoint = f"{max(adjoints):.0e}" if adjoints else "–"
         cells.append([method, str(len(rows)), str(len(exact)), str(within), *own, adjoint])
-    head = ("method", "scenes", "within 1e-8", "or the stated error and the noise", "worst", "its differences' noise")
+    head = ("method", "scenes", "within 1e-8", "or noise and stated error", "worst", "its differences' noise")
     return markdown((*head, "its stated error", "adjoint from tangents"), cells)
 
 
