@@ -75,7 +75,7 @@ class GearMeshAnswer:
 def mesh_gears(
     pair: GearPair, flexibilities: Sequence[ToothFlexibility], width: float, load: float, points: int
 ) -> GearMeshAnswer:
-    """Load two gears in mesh at each of some angles, in the middles of equal parts of a pitch.
+    """Load two gears in mesh at ``points`` angles, in the middles of equal parts of a pitch.
 
     Flexibilities are of the pinion and the wheel, the width [m] is of both; the load is along the line of action [N].
 

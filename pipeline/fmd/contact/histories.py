@@ -39,7 +39,7 @@ class ContactHistory(NamedTuple):
     beyond_grid: bool  # it has reached the border of its near field's grid
     wear_volume: Array  # (n_times,): lost by each of both faces since the start [m³]; NaN without wear
     wear_depth: Array  # (n_times,): largest depth of that at points that have areas [m]; NaN without these
-    tops: Array  # (n_times, 3): largest force [N], area [m²], pressure [Pa] of all steps since the output time before
+    tops: Array  # (n_times, 3): largest force [N], area [m²], pressure [Pa] then and at all steps since the time before
 
     def lost_part(self, kinetic: Array) -> float:
         """Return the largest energy that steps made or lost, over the largest that they had to do with.
@@ -53,7 +53,7 @@ class ContactHistory(NamedTuple):
 
     @property
     def largest(self) -> tuple[float, float, float]:
-        """Largest force [N], area [m²] and pressure [Pa] at any step."""
+        """Largest force [N], area [m²] and pressure [Pa] at any step or output time."""
         force, area, pressure = np.nanmax(self.tops, axis=0)
         return float(force), float(area), float(pressure)
 

@@ -22,7 +22,7 @@ from fmd.scene.scene import Scene
 def write_sensitivities(found: Sequence[Sensitivity], times: Array | None, folder: Path, title: str) -> list[str]:
     """Write sensitivities into a folder and return the names of the files.
 
-    Histories among them have output times [s].
+    They are one at least; times (n_times,) [s] are those of the histories among them.
 
     Raises
     ------

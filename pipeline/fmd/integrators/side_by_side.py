@@ -39,8 +39,8 @@ def march_at_once(marches: Sequence[March], progress: Progress | None = None) ->
     """March at the same time, the last of which should take longest, and return what `march_in_turn` does.
 
     Kernels hold no lock of Python's, so that each march runs on a core of its own. Where there are fewer cores, or
-    ``OMP_NUM_THREADS`` allows fewer threads, they run in turn, and find the same. What is told how far the last march
-    is may raise to end all.
+    ``OMP_NUM_THREADS`` allows fewer threads, they run in turn, and find the same. The last march tells its progress,
+    and what that raises ends all.
     """
     if len(marches) < 2 or len(marches) > threads_at_once():
         return march_in_turn(marches, progress)

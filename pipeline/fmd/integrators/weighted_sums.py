@@ -66,8 +66,8 @@ def add_weighted_rows(
 ) -> None:
     """Compute ``out = base + h (Σ weight_k K[row_k] + latest_weight K[latest])`` over ``count`` rows k.
 
-    Base and out (n,) may be the same, and overlap no row of K (any, n), of which ``latest`` was written last; the count
-    is a multiple of four.
+    Base and out (n,) may be the same, and overlap no row of K (any, n), of which number ``latest`` was written last.
+    The count is four or a multiple of it; ``row`` and ``weight`` may be longer.
     """
     n, at = out.size, 0
     while at + 8 <= n:

@@ -202,9 +202,9 @@ def _as_cells(values: Any) -> Any:
 
 
 def choose_frequencies(model: StateSpace, lowest: float, highest: float, points: int, ratio: float = 1.3) -> Array:
-    """Return frequencies [Hz], ascending, with no resonance between two of them.
+    """Return frequencies from the lowest to the highest [Hz], ascending, with no resonance between two of them.
 
-    So many points are even over the range; neighbours about a pole have distances from it of a ratio.
+    ``points`` of them are evenly spaced; about a pole each is farther from it than the one before by the ratio.
     """
     even = np.linspace(lowest, highest, points)
     spacing = (highest - lowest) / max(points - 1, 1)

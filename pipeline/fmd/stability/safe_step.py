@@ -16,8 +16,8 @@ def longest_safe_step(e_folds: Callable[[float], float], upper: float, bisection
 
     That is ``upper`` if nothing below it grows; 0 if everything down to a millionth of it does. Where growth falls
     again before it is too much, but after half of the e-folds allowed, it is the step at which it is largest.
-    ``e_folds`` gives those of growth over the duration with a step; the interval of the limit, which begins as a factor
-    of √2, is halved some times.
+    ``e_folds`` gives those of growth over the duration with a step [s]; the interval of the limit, which begins as a
+    factor of √2, is halved ``bisections`` times.
     """
     allowed = np.log(ALLOWED_GROWTH)
     low = high = before = 0.0
