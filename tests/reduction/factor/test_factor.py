@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import tracemalloc
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -209,6 +210,22 @@ def test_the_memory_of_a_factor_is_predicted_within_a_third(solver: factor.Solve
         sizes.append(resident())
     grown = np.median(np.diff(sizes))  # what other tests have left may go meanwhile
     assert 0.67 < kept[0].figures.memory / grown < 1.5
+
+
+@pytest.mark.parametrize("body", ["tetrahedra", "hexahedra"])
+def test_fronts_take_no_more_at_their_peak_than_was_looked_for(
+    body: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By tracemalloc, which counts NumPy's arrays; METIS' own are not counted."""
+    needed = []
+    monkeypatch.setattr(factor, "_refuse_too_large", lambda figures, beside: needed.append(figures.memory + beside))
+    A = positive(request.getfixturevalue(body))
+    factorise(A, "multifrontal")  # what is loaded and compiled once
+    tracemalloc.start()
+    kept = factorise(A, "multifrontal")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert kept.figures.memory < peak < needed[0] < 1.5 * peak
 
 
 def test_what_does_not_fit_is_refused_before_it_is_factorised(

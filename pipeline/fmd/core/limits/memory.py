@@ -15,7 +15,8 @@ SMALL_SYSTEM = 6000  # unknowns, below which SciPy's SuperLU with an order of it
 # Zeros, for each of which a factor's front becomes part of another: a front more takes as long as a few thousand.
 FRONT_ZEROS, SHARE_OF_ZEROS = 4000, 0.05
 FRONT_WIDTH = 384  # columns of a front: half of their own square is zero, and what is below is copied once for each
-BYTES_OF_NONZERO = 60.0  # for each nonzero of A while it is copied from one format to the next
+# Bytes for each nonzero of A while it is copied from one format to the next: 25 to 55 and 9 to 15 were measured.
+BYTES_FOR_CHOLMOD, BYTES_FOR_FRONTS = 60.0, 20.0
 
 # Recovery.
 STRAINED_AT_ONCE = 512  # elements whose strain or stress is found at a time

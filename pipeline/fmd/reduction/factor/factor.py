@@ -18,7 +18,7 @@ from scipy.sparse.linalg import splu
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.memory import BYTES_OF_NONZERO, SMALL_SYSTEM
+from fmd.core.limits.memory import BYTES_FOR_CHOLMOD, BYTES_FOR_FRONTS, SMALL_SYSTEM
 from fmd.core.memory import available_memory
 from fmd.reduction.factor.figures import FactorFigures
 
@@ -142,13 +142,13 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
     nonzeros = factor_nonzeros(counts, size)
     if solver == "cholesky":
         figures = FactorFigures("CHOLMOD", name, n, nonzeros, int(_BYTES["CHOLMOD"] * nonzeros))
-        _refuse_too_large(figures, BYTES_OF_NONZERO * A.nnz)
+        _refuse_too_large(figures, BYTES_FOR_CHOLMOD * A.nnz)
         return Factor(_cholmod(A, _unknowns(nodes, size)), figures)
     from fmd.reduction.factor.multifrontal import factorise_fronts, plan_fronts, plan_stack
 
     again, fronts = plan_fronts(graph, counts, parent, size)
     figures = FactorFigures("multifrontal", name, n, nonzeros, 8 * sum(front.entries for front in fronts))
-    _refuse_too_large(figures, 8.0 * plan_stack(fronts)[1] + BYTES_OF_NONZERO * A.nnz)
+    _refuse_too_large(figures, 8.0 * plan_stack(fronts)[1] + BYTES_FOR_FRONTS * A.nnz)
     return Factor(factorise_fronts(A, _unknowns(nodes[again], size), fronts), figures)
 
 
