@@ -116,13 +116,23 @@ def test_fronts_take_entries_of_which_round_off_left_one_of_a_pair() -> None:
         half = np.where(rng.random((n, n)) < 1.5 / n, rng.standard_normal((n, n)), 0.0)
         A = half @ half.T + np.eye(n)
         stray = np.triu(np.where((A == 0.0) & (rng.random((n, n)) < 5.0 / n), 1e-18, 0.0))
-        whole = factor.node_graph(sp.csr_array(A + stray + stray.T), 1)
+        whole = factor.node_graph(factor.node_blocks(sp.csr_array(A + stray + stray.T)))
         f = rng.standard_normal(n)
         for B in (sp.csr_array(A + stray), sp.csr_array(A + stray.T)):
-            assert (factor.node_graph(B, 1) != whole).nnz == 0
+            assert (factor.node_graph(factor.node_blocks(B)) != whole).nnz == 0
             np.testing.assert_allclose(
                 factorise(B, "multifrontal").solve(f), np.linalg.solve(A, f), rtol=1e-9, atol=1e-11
             )
+
+
+def test_unknowns_that_supports_have_shifted_fill_in_no_more(tetrahedra: FEModel) -> None:
+    """Of three unknowns less, blocks of three would have parts of two nodes each, and twice as many nonzeros."""
+    A = positive(tetrahedra)
+    shifted = sp.csr_array(A[1:-2, 1:-2])
+    made = factorise(shifted, "multifrontal")
+    assert made.figures.nonzeros < 1.05 * factorise(A, "multifrontal").figures.nonzeros
+    u = np.random.default_rng(0).standard_normal(shifted.shape[0])
+    assert np.abs(made.solve(shifted @ u) - u).max() < 1e-9
 
 
 def test_fronts_refuse_what_is_no_number() -> None:
@@ -165,7 +175,8 @@ def test_the_predicted_nonzeros_are_those_of_a_factor(
     without(monkeypatch, *missing)
     monkeypatch.setattr(factor, "SMALL_SYSTEM", 0)
     A = positive(request.getfixturevalue(body))
-    graph, nodes, _ = factor._ordered(A, 3)
+    graph, nodes, size, _ = factor._ordered(A)
+    assert size == 3
     nonzeros, order = factor_nonzeros(elimination_tree(graph)[0], 3), factor._unknowns(nodes, 3)
     assert factorise(A).figures.nonzeros == nonzeros
     real = factor.splu(

@@ -12,6 +12,8 @@ CELLS_AT_ONCE = 4096  # cells of a file at a time
 ENTRIES_AT_ONCE = 1200  # entries of an element's matrices under all loads at a time, in large meshes
 FEW_ENTRIES = 5_000_000  # the same of a small mesh, times its nodes, of which there are as many as elements or more
 SMALL_SYSTEM = 6000  # unknowns, below which SciPy's SuperLU with an order of its own is as fast as any
+# Entries of 3 × 3 blocks for each nonzero of A, from which on nodes begin within blocks: 1.00 to 1.06 where they don't.
+SHIFTED_BLOCKS = 1.2
 # Zeros, for each of which a factor's front becomes part of another: a front more takes as long as a few thousand.
 FRONT_ZEROS, SHARE_OF_ZEROS = 4000, 0.05
 FRONT_WIDTH = 384  # columns of a front: half of their own square is zero, and what is below is copied once for each

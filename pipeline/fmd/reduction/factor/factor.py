@@ -18,17 +18,25 @@ from scipy.sparse.linalg import splu
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.memory import BYTES_FOR_CHOLMOD, BYTES_FOR_FRONTS, SMALL_SYSTEM
+from fmd.core.limits.memory import BYTES_FOR_CHOLMOD, BYTES_FOR_FRONTS, SHIFTED_BLOCKS, SMALL_SYSTEM
 from fmd.core.memory import available_memory
 from fmd.reduction.factor.figures import FactorFigures
 
 
-def node_graph(A: sp.csr_array, size: int) -> sp.csr_array:
-    """Graph of the nodes, of ``size`` unknowns each, that a matrix couples; symmetric, without loops.
+def node_blocks(A: sp.csr_array) -> sp.bsr_array:
+    """Return a matrix by blocks of three unknowns a node, or of one where supports have shifted nodes against them."""
+    if A.shape[0] % 3 == 0:
+        blocks = A.tobsr((3, 3))
+        if 9 * len(blocks.indices) < SHIFTED_BLOCKS * A.nnz:
+            return blocks
+    return A.tobsr((1, 1))
+
+
+def node_graph(blocks: sp.bsr_array) -> sp.csr_array:
+    """Graph of the nodes that a matrix couples; symmetric, without loops.
 
     Differences of matrices drop entries that come out as zero, and round-off may leave one of a pair: it couples, too.
     """
-    blocks = A.tobsr((size, size))
     rows = np.repeat(np.arange(len(blocks.indptr) - 1), np.diff(blocks.indptr))
     apart = rows != blocks.indices
     ends = np.concatenate([[0], np.cumsum(apart)])[blocks.indptr].astype(blocks.indptr.dtype)
@@ -114,10 +122,9 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
     Parameters
     ----------
     A : sparse array, shape (n, n)
-        If n is a multiple of three, so are the places of each node's unknowns.
+        Both triangles. A node's three unknowns that begin at a multiple of three make it quicker.
     solver : str
-        ``multifrontal`` is our own, ``cholesky`` cvxopt's CHOLMOD, which takes three quarters of its memory; ``auto``
-        takes our own for all but small matrices.
+        ``multifrontal`` is our own, ``cholesky`` cvxopt's CHOLMOD; ``auto`` takes our own for all but small matrices.
 
     Raises
     ------
@@ -136,8 +143,7 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
         nonzeros = (factor.nnz + n) // 2
         return Factor(factor.solve, FactorFigures("SuperLU", "MMD", n, nonzeros, int(_BYTES["SuperLU"] * nonzeros)))
     A = sp.csr_array(A)
-    size = 3 if n % 3 == 0 else 1
-    graph, nodes, name = _ordered(A, size)
+    graph, nodes, size, name = _ordered(A)
     counts, parent = elimination_tree(graph)
     nonzeros = factor_nonzeros(counts, size)
     if solver == "cholesky":
@@ -157,9 +163,10 @@ def _unknowns(nodes: IntArray, size: int) -> IntArray:
     return np.asarray((size * nodes.astype(np.int64)[:, None] + np.arange(size)).ravel())
 
 
-def _ordered(A: sp.csr_array, size: int) -> tuple[sp.csr_array, IntArray, str]:
-    """Return the graph of the nodes in a fill-reducing order, this order, and its name."""
-    graph = node_graph(A, size)
+def _ordered(A: sp.csr_array) -> tuple[sp.csr_array, IntArray, int, str]:
+    """Return the graph of the nodes in a fill-reducing order, this order, a node's unknowns, and the order's name."""
+    blocks = node_blocks(A)
+    graph = node_graph(blocks)
     if find_spec("pymetis") is not None and graph.nnz:
         import pymetis
 
@@ -167,7 +174,7 @@ def _ordered(A: sp.csr_array, size: int) -> tuple[sp.csr_array, IntArray, str]:
     else:  # SuperLU's minimum degree, by a factorisation of the graph: 1/27 of the work
         dominant = sp.csc_array(graph + sp.diags_array(graph.sum(axis=0) + 1.0))
         name, order = "MMD", np.argsort(_superlu(dominant).perm_c)
-    return sp.csr_array(graph[order][:, order]), order, name
+    return sp.csr_array(graph[order][:, order]), order, blocks.blocksize[0], name
 
 
 def _refuse_too_large(figures: FactorFigures, beside: float) -> None:
