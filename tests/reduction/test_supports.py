@@ -54,6 +54,20 @@ def test_supported_modes_equal_those_of_a_dense_solver(small_bar: FEModel, hold:
 
 
 @pytest.mark.parametrize("hold", HOLDS)
+def test_the_flexibility_of_points_takes_one_solution_though_some_are_held(
+    small_bar: FEModel, hold: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Held points answer nothing, which was taken for round-off, and static responses stood in its place."""
+    solver, nodes = FreeBodySolver(small_bar, (), HOLDS[hold][0](small_bar)), on(small_bar, "y-")
+    n = 3 * len(nodes)
+    loads = np.zeros((len(small_bar.x), 3, n))
+    loads[nodes[np.arange(n) // 3], np.arange(n) % 3, np.arange(n)] = 1.0
+    exact = solver.static_response(loads)[nodes].reshape(n, n)
+    monkeypatch.setattr(FreeBodySolver, "static_response", lambda *_: pytest.fail("more than one solution a load"))
+    np.testing.assert_allclose(solver.flexibility(nodes), exact, rtol=0, atol=1e-9 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("hold", HOLDS)
 def test_rigid_motions_that_supports_leave_strain_nothing_and_move_no_support(small_bar: FEModel, hold: str) -> None:
     fixed = HOLDS[hold][0](small_bar)
     left = FreeBodySolver(small_bar, (), fixed).rigid_modes

@@ -136,7 +136,8 @@ def flexibility_at(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], 
     u -= R @ (rows @ u)
     left = loads @ mixed - K @ (u @ mixed)
     left -= rows.T @ (R.T @ left)
-    least = np.sqrt(np.einsum("ij,ij->j", loads, u).min())
+    energies = np.einsum("ij,ij->j", loads, u)[loads.any(axis=0)]  # what a support takes whole moves nothing
+    least = np.sqrt(max(energies.min(initial=np.inf), 0.0))
     return u if np.sqrt(abs(left @ inverse(left[:, None])[:, 0])) < STATIC_RESIDUAL * least else None
 
 
