@@ -104,7 +104,8 @@ def noise_spread() -> float:
     """Return the variance of chi-squared by the noise of `estimate_noise`, over that by known noise.
 
     For many values: differences of order m of white noise have the squares of correlations that sum to
-    ``C(4 m, 2 m) / C(2 m, m)²``, and the estimate varies with the residuals, which takes 1 off.
+    ``C(4 m, 2 m) / C(2 m, m)²``, and the estimate varies with the residuals, which takes 1 off. By it 1.8 % of noises
+    of 400 values have a probability below 1 %, and 3 % of 50 values.
     """
     m = NOISE_ORDER
     return math.comb(4 * m, 2 * m) / math.comb(2 * m, m) ** 2 - 1.0
