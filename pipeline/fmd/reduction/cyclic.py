@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.mesh import SAME_PLACE
-from fmd.core.limits.modes import SPARE_MODES
+from fmd.core.limits.modes import SHIFT_OF_CYCLIC, SPARE_MODES
 from fmd.fem.assembly import assemble
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
@@ -128,6 +128,8 @@ class CyclicSolver(FreeBodySolver):
 
     Each turn carries one of the sectors into the next; ``factorise`` makes a `Factor` of the sector's inside.
     """
+
+    _part = SHIFT_OF_CYCLIC
 
     def __init__(self, fe: FEModel, sectors: int, factorise: Callable[[Any], Factor] = factorise) -> None:
         self._sector = cut_first_sector(fe, sectors)

@@ -47,8 +47,8 @@ class FreeBodySolver:
     """Modes and static responses of a body from one factorisation of ``K − σ M``, σ < 0.
 
     K alone is singular for a body that can move, so a shift of zero would return garbage; a negative shift makes the
-    matrix positive definite. It is scaled to the problem: a small part of an upper bound of the lowest elastic
-    eigenvalue, which static responses are then close to at once.
+    matrix positive definite. It is scaled to the problem: a part of an upper bound of the lowest elastic
+    eigenvalue.
 
     Parameters
     ----------
@@ -80,6 +80,8 @@ class FreeBodySolver:
         Rigid faces share nodes, with one another or with a support.
     """
 
+    _part = SHIFT  # of the bound, which the shift is
+
     def __init__(
         self,
         fe: FEModel,
@@ -105,7 +107,7 @@ class FreeBodySolver:
             self._K, self._M = (sp.csr_array(self._T.T @ A @ self._T) for A in (fe.K, fe.M))
             self._R = _unknowns_of(self._R, self._T)
         self.bound = self._lowest_bound() if self.rigid_modes.shape[1] else 0.0
-        self.shift = -SHIFT * self.bound
+        self.shift = -self._part * self.bound
         self._factor = self._shifted_factor()
         self._inverse = self._factor.solve
         self._responses: dict[bytes, Array] = {}

@@ -13,11 +13,12 @@ SOFTER = 0.5
 INTERFACE_DEFECT = 1e-7  # part of a unit by which constraint modes may move an interface where they shouldn't
 RIGID_DEFECT = 1e-6  # part of a rigid motion that the Craig–Bampton space may miss
 RIGID_REST = 1e-7  # of a shape's size: less that is left without its rigid motion is none
-# Of an upper bound of the lowest elastic eigenvalue: Lanczos leaves 1e-12, an elastic mode a tenth or more.
+# Of an upper bound of the lowest elastic eigenvalue: Lanczos leaves 1e-12, an elastic mode a fiftieth or more.
 ZERO_EIGENVALUE = 3e-7
 # Of that bound: static responses take 12 to 15 solutions where a tenth of it takes 8 to 10, but with a third already
 # round-off of rigid motions leaves modes of bars that joints hold, 300 times as long as deep, too large a residual.
 SHIFT = 0.3
+SHIFT_OF_CYCLIC = 0.002  # of a propeller's bound, which is 20 to 30 times too high: 10 to 13 solutions, 22 by 0.3
 ELASTIC_FREQUENCY = 1e-6  # of the highest eigenvalue's root: frequencies below are rigid motions
 
 # Eigenproblem.
