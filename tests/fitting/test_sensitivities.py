@@ -22,6 +22,8 @@ from fmd.fitting.neighbours import march_in_parts
 from fmd.fitting.parameters import change_parameters, find_parameter
 from fmd.fitting.sensitivities import Sensitivity, _find_round_off
 from fmd.integrators.central_difference import CentralDifference
+from tests.contact.test_rigid_contacts import BALL, RADIUS, free
+from tests.contact.test_rigid_contacts import scene as touching
 
 MASS, STIFFNESS, START = 2.0, 800.0, 0.01
 OSCILLATOR: dict[str, Any] = {
@@ -52,6 +54,12 @@ OSCILLATOR: dict[str, Any] = {
         "run": [{"integrator": "central-difference"}],
     },
 }
+BOUNCE = touching(
+    {"ball": BALL},
+    {"free": free("ball.centre", [0, 0, RADIUS + 1e-6], [0, 0, -1])},
+    {"floor": {"between": ["ground", "ball.skin"], "normal": [0, 0, 1]}},
+    3e-4,
+)
 SIMULATION = {"duration": 1.0, "output_step": 0.1, "step": "auto", "tip": "bar.end", "run": [{"integrator": "auto"}]}
 SMALL_ARM = (
     "simulation.run=[{integrator='central-difference'}]",
@@ -136,16 +144,22 @@ def test_tangents_by_a_mass_and_differences_that_are_drawn_back_are_those_of_the
 
 
 @pytest.mark.parametrize(
-    "method", ["integrator='central-difference'", "integrator='sub-cycling', substeps=3, step='10 us'"]
+    ("scene", "method"),
+    [
+        ("arm", "integrator='central-difference'"),
+        ("arm", "integrator='sub-cycling', substeps=3, step='10 us'"),
+        (BOUNCE, "integrator='central-difference', step='0.5 us'"),
+    ],
+    ids=["plain", "sub-cycled", "in contact"],
 )
-def test_a_march_in_parts_is_that_without_a_break(method: str) -> None:
-    run = package.load("arm", f"simulation.run=[{{{method}}}]", *SMALL_ARM[1:]).run
+def test_a_march_in_parts_is_that_without_a_break(scene: Any, method: str) -> None:
+    run = package.load(scene, f"simulation.run=[{{{method}}}]", *(SMALL_ARM[1:] if scene == "arm" else ())).run
     plan = next(iter(run.plans.values()))
     parts = march_in_parts(plan, run.output_times)
     whole = plan.march(run.output_times)
     assert len(parts.stops) > 100
-    np.testing.assert_array_equal(parts.trajectory.q, whole.q)
-    np.testing.assert_array_equal(parts.trajectory.v, whole.v)
+    for name in ("q", "v", "contacts"):
+        np.testing.assert_array_equal(getattr(parts.trajectory, name), getattr(whole, name))
 
 
 @pytest.mark.parametrize(

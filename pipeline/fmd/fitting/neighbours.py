@@ -121,8 +121,8 @@ def _march_part(plan: Plan, times: Array, state: State | None) -> Trajectory:
 def _join(plan: Plan, parts: Sequence[Trajectory], whole: Array, times: Array) -> Trajectory:
     """Return the trajectory of all parts at the output times, with all of the run's coordinates."""
     chosen = np.searchsorted(whole, times)
-    q, v = (np.concatenate([getattr(part, name) for part in parts])[chosen] for name in ("q", "v"))
-    evaluations = sum(part.evaluations for part in parts)
-    seconds = sum(part.seconds for part in parts)
-    joined = replace(parts[-1], times=times, q=q, v=v, evaluations=evaluations, seconds=seconds)
-    return plan.spread_out(joined)
+    q, v, contacts = (np.concatenate([getattr(part, name) for part in parts]) for name in ("q", "v", "contacts"))
+    contacts = contacts[chosen] if len(contacts) else contacts
+    evaluations, seconds = sum(part.evaluations for part in parts), sum(part.seconds for part in parts)
+    joined = replace(parts[-1], times=times, q=q[chosen], v=v[chosen], contacts=contacts)
+    return plan.spread_out(replace(joined, evaluations=evaluations, seconds=seconds))
