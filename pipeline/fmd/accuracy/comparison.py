@@ -93,7 +93,7 @@ class Comparison:
     def beside(self) -> tuple[Plan, Quantities]:
         """The plan that variants are marched by, and those of the run's own quantities by it that they are compared in.
 
-        Where a dozen marches like the run's take longer than the time limit, generalised-α steps over vibrations that
+        Where a dozen marches like the run's take half of the time limit, generalised-α steps over vibrations that
         an explicit method follows. A quantity of which these are a large part isn't compared then: errors of their
         frequencies add up over all of the run, but hardly in steps that damp them. More steps follow more of them.
         """
