@@ -441,6 +441,7 @@ def test_a_response_whose_energy_round_off_makes_negative_is_refused() -> None:
     K, opposed = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([[1.0], [-1.0]])
     with pytest.raises(AccuracyError, match="static response 0: round-off is larger than the response"):
         inertia_relief.solve_balanced(K, np.eye(2), np.ones((2, 1)), lambda loads: -loads, opposed)
+    assert inertia_relief.flexibility_at(K, np.eye(2), np.ones((2, 1)), lambda loads: -loads, opposed) is None
     with (
         pytest.raises(AccuracyError, match="static response 0: residual"),
         np.errstate(all="ignore"),

@@ -82,7 +82,7 @@ class InertiaError(AccuracyError):
 class StabilityError(AccuracyError):
     """A time step is beyond the stability limit or passes a force unseen, or a march diverged.
 
-    That ended at a time [s], with positions if they are known.
+    ``time`` [s] is when the march ended, ``positions`` are those it had then, None if they aren't known.
     """
 
     def __init__(self, message: str, time: float = 0.0, positions: object = None) -> None:

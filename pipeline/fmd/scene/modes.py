@@ -119,8 +119,8 @@ class ModeSettings(SceneTable):
     # Damping ratio of every mode, 1 being critical; or a list of ratios, of the modes of the body on its joint, the
     # lowest first, whose last holds for all further ones; or factors of mass and stiffness.
     damping: Damping = 0.0
-    # Program that factorises the stiffness: the fastest that is installed (``"auto"``), CHOLMOD, SciPy's SuperLU, or
-    # PETSc and SLEPc over several processes.
+    # Program that factorises the stiffness: our own (``"multifrontal"``), by default (``"auto"``) SciPy's SuperLU for
+    # small bodies; cvxopt's CHOLMOD (``"cholesky"``); or PETSc and SLEPc over several processes (``"slepc"``).
     solver: Literal["auto", "multifrontal", "cholesky", "slepc"] = "auto"
     # Number of processes for ``solver = "slepc"``; 2 if it is left out.
     ranks: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None

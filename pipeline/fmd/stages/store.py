@@ -2,38 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Any, TypeVar
-
-from threadpoolctl import ThreadpoolController
 
 from fmd.core.cache import Cache
 from fmd.core.progress import Monitor, silent
+from fmd.core.threads import one_thread
 
 T = TypeVar("T")
-
-
-_WITH_THREADS = ("numpy", "scipy.linalg", "scipy.sparse.linalg", "gmsh", "petsc4py", "vtkmodules")
-
-
-@lru_cache(maxsize=1)
-def _thread_pools(loaded: tuple[str, ...]) -> ThreadpoolController:
-    """Return the libraries with threads of their own; to look for them takes 2 ms, and so is done once they change."""
-    return ThreadpoolController()
-
-
-def _one_thread() -> AbstractContextManager[object]:
-    """Return a context with one thread: the products here are small, and two threads of BLAS only spin.
-
-    To set the numbers, and to put them back, takes fifteen times as long as to ask for them.
-    """
-    pools = _thread_pools(tuple(name for name in _WITH_THREADS if name in sys.modules))
-    return nullcontext() if all(pool.num_threads == 1 for pool in pools.lib_controllers) else pools.limit(limits=1)
 
 
 @dataclass
@@ -122,7 +100,7 @@ class StageStore:
         others = sum(self.log.seconds.values())
         tick = time.perf_counter()
         try:
-            with self.monitor(stage), _one_thread():
+            with self.monitor(stage), one_thread():
                 return compute()
         except Exception as error:
             for text in self.remarks():

@@ -20,6 +20,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.memory import BYTES_FOR_CHOLMOD, BYTES_FOR_FRONTS, SHIFTED_BLOCKS, SMALL_SYSTEM
 from fmd.core.memory import available_memory
+from fmd.core.threads import one_thread
 from fmd.reduction.factor.figures import FactorFigures
 
 
@@ -155,7 +156,8 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
     again, fronts = plan_fronts(graph, counts, parent, size)
     figures = FactorFigures("multifrontal", name, n, nonzeros, 8 * sum(front.entries for front in fronts))
     _refuse_too_large(figures, 8.0 * plan_stack(fronts)[1] + BYTES_FOR_FRONTS * A.nnz)
-    return Factor(factorise_fronts(A, _unknowns(nodes[again], size), fronts), figures)
+    with one_thread():
+        return Factor(factorise_fronts(A, _unknowns(nodes[again], size), fronts), figures)
 
 
 def _unknowns(nodes: IntArray, size: int) -> IntArray:

@@ -18,6 +18,7 @@ from scipy.linalg.lapack import dpotrf
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.memory import FRONT_WIDTH, FRONT_ZEROS, SHARE_OF_ZEROS
+from fmd.core.threads import one_thread
 from fmd.kernels.kernel import kernel
 
 
@@ -171,11 +172,12 @@ def factorise_fronts(A: sp.csr_array, order: IntArray, fronts: Sequence[Front]) 
         x = np.asarray(f, dtype=float).reshape(n, -1).T[:, order]
         if not x.size:
             return f.copy()
-        for own, below, L, B in parts:
-            x[:, own] = y = dtrsm(1.0, L, x[:, own].T, lower=1).T
-            x[:, below] -= y @ B
-        for own, below, L, B in reversed(parts):
-            x[:, own] = dtrsm(1.0, L, (x[:, own] - x[:, below] @ B.T).T, lower=1, trans_a=1).T
+        with one_thread():
+            for own, below, L, B in parts:
+                x[:, own] = y = dtrsm(1.0, L, x[:, own].T, lower=1).T
+                x[:, below] -= y @ B
+            for own, below, L, B in reversed(parts):
+                x[:, own] = dtrsm(1.0, L, (x[:, own] - x[:, below] @ B.T).T, lower=1, trans_a=1).T
         u = np.empty_like(x)
         u[:, order] = x
         return np.ascontiguousarray(u.T).reshape(f.shape)
