@@ -27,7 +27,7 @@ KERNEL_SOURCES = (
     "fmd/integrators",
     "fmd/recovery/kernels",
     "fmd/core/newton.py",
-    "fmd/reduction/factor/factor.py",
+    "fmd/reduction/factor",
 )
 """Folders and files whose sources kernels are compiled from."""
 

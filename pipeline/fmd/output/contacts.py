@@ -6,16 +6,13 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from fmd.contact.surfaces import find_rim, node_normals
 from fmd.core.arrays import Array
-from fmd.core.limits.contact import FACE_ALIKE, FEW_ON_MESH, FEW_POINTS, LOST_ENERGY, RIGID_BESIDE, UNSEEN_DEPTH
+from fmd.core.limits.contact import FEW_ON_MESH, FEW_POINTS, LOST_ENERGY, UNSEEN_DEPTH
 from fmd.output.between_nodes import describe_depths
 from fmd.recovery.motion import Motion
 from fmd.recovery.wear import worn_faces
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.rigid_contacts import rigid_surface
 
 
 def contact_figures(run: Pipeline) -> dict[str, Any]:
@@ -45,7 +42,9 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
     found = list[dict[str, str]]()
     if not run.scene.contact:
         return found
-    found += [{"code": "contact-material", "text": text} for text in _material_faults(run)]
+    from fmd.output.contact_faults import facing_faults, material_faults
+
+    found += [{"code": "contact-material", "text": text} for text in material_faults(run)]
     for motion in run.motions.values():
         for name, own in motion.contacts.items():
             part = own.lost_part(motion.energies[0])
@@ -59,7 +58,7 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
         found += [{"code": "contact-grid", "text": text} for text in _grid_faults(motion)]
         found += [{"code": "contact-wide", "text": text} for text in _pin_faults(motion)]
         found += [{"code": "contact-worn", "text": text} for text in _wear_faults(motion)]
-        found += [{"code": "contact-facing", "text": text} for text in _facing_faults(motion)]
+        found += [{"code": "contact-facing", "text": text} for text in facing_faults(motion)]
         found += [{"code": "contact-coarse", "text": text} for text in _coarse_faults(motion)]
         found += [{"code": "contact-unseen", "text": text} for text in describe_depths(run, motion).values()]
     for name, body, face in run.scene.touching_faces:
@@ -142,48 +141,6 @@ def _coarse_faults(motion: Motion) -> Iterator[str]:
                     f"contact.{name}: at most {pressed} points of a curved face are pressed, of which {FEW_ON_MESH} "
                     "give the force to 2 % and 50 the largest pressure to 3 %; smaller elements there help"
                 )
-
-
-def _facing_faults(motion: Motion) -> Iterator[str]:
-    """Yield which faces of triangles look the same way where they are nearest at the start: they pass through.
-
-    Two closed ones don't, as they are refused inside out, though mean normals at their edges may be alike.
-    """
-    bodies, frames = {own.body: own for own in motion.mechanism.contacts}, motion.kinematics.frames
-    for body in bodies.values():
-        for pair in body.pairs:
-            sides, is_open = [], False
-            for name, face in ((body.body, pair.face), (pair.other, pair.other_face)):
-                points, frame = bodies[name].points, frames[motion.mechanism.number_of(name)]
-                if face in points.surfaces:
-                    corners = np.unique(points.surfaces[face])
-                    is_open |= bool(find_rim(points.surfaces[face]).any())
-                    both = points.x[corners], node_normals(points, points.surfaces[face])[corners]
-                    x, normals = (own @ frame.rotation[0].T for own in both)
-                    sides.append((f"{name}.{face}", x + frame.origin[0], normals))
-            if len(sides) < 2 or not is_open:
-                continue
-            (one, x, normals), (two, others, their_normals) = sides
-            apart, nearest = cKDTree(others).query(x)
-            if normals[k := int(apart.argmin())] @ their_normals[nearest[k]] > FACE_ALIKE:
-                yield (
-                    f"contact.{pair.name}: {one} and {two} look the same way where they are nearest at the start, so "
-                    "that one passes through the other; corners of triangles go counter-clockwise seen from outside"
-                )
-
-
-def _material_faults(run: Pipeline) -> Iterator[str]:
-    """Yield which surfaces of rigid bodies are as soft as a face of elements that they touch, and count as rigid."""
-    bodies = {own.body: own for own in run.motion.mechanism.contacts}
-    for body in bodies.values():
-        for pair in body.pairs:
-            if pair.other_face in bodies[pair.other].points.primitives and body.points.elastic is not None:
-                surface: Any = rigid_surface(run.scene, place := f"{pair.other}.{pair.other_face}")
-                if RIGID_BESIDE * body.points.elastic[0] > surface.E:
-                    yield (
-                        f"contact.{pair.name}: {place} is rigid before a face of elements, and its E of "
-                        f"{surface.E:.3g} Pa counts for nothing; a surface of type 'file' gives way there, too"
-                    )
 
 
 def _unseen_depth(run: Pipeline, contact: str, body: str, face: str) -> tuple[float, str]:
