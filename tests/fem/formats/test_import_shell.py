@@ -230,3 +230,13 @@ def test_sections_of_abaqus_that_are_more_than_a_thickness_are_refused(
     write_abaqus(tmp_path / "panel.inp", x, {"S4": cells}, section)
     with pytest.raises(InputError, match=message):
         read_shell(tmp_path / "panel.inp", 1e-3, None)
+
+
+def test_a_panel_of_shear_alone_is_no_shell(tmp_path: Path) -> None:
+    path = tmp_path / "a.bdf"
+    grid = "".join(
+        f"GRID,{k},,{x},{y},0.\n" for k, x, y in ((1, 0.0, 0.0), (2, 1.0, 0.0), (3, 1.0, 1.0), (4, 0.0, 1.0))
+    )
+    path.write_text(f"BEGIN BULK\n{grid}CSHEAR,1,7,1,2,3,4\nCQUAD4,2,7,1,2,3,4\nENDDATA\n")
+    with pytest.raises(InputError, match="CSHEAR"):
+        read_shell(path, 1.0, 0.01)

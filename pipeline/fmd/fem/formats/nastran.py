@@ -34,11 +34,23 @@ _PLANES = {
     "CTRIA6": {6: "triangle6"},
     "CQUAD4": {4: "quad"},
     "CQUADR": {4: "quad"},
-    "CSHEAR": {4: "quad"},
     "CQUAD8": {8: "quad8"},
 }
 _LINES = ("CBAR", "CBEAM", "CROD", "CTUBE", "CBEND")
-_OTHERS = ("CONM1", "CONROD", "CBUSH", "CBUSH1D", "CGAP", "RBE1", "RROD", "RTRPLT", "RSPLINE", "RSSCON", "MPCADD")
+_OTHERS = (
+    "CSHEAR",
+    "CONM1",
+    "CONROD",
+    "CBUSH",
+    "CBUSH1D",
+    "CGAP",
+    "RBE1",
+    "RROD",
+    "RTRPLT",
+    "RSPLINE",
+    "RSSCON",
+    "MPCADD",
+)
 _OTHER = re.compile(r"CELAS\d|CDAMP\d|CMASS\d|CVISC|CWELD|CFAST")
 
 
