@@ -45,7 +45,6 @@ BEAM += ["--set", "simulation.output_step=0.1 ms", "--set", "output=[]"]
     "command",
     [
         ["view", *BEAM, "--no-browser"],
-        ["report", *BEAM, "--no-budget"],
         ["run", *BEAM, "--explain"],
         ["run", *BEAM, "--dry-run"],
     ],

@@ -100,7 +100,7 @@ class Page(HTMLParser):
 @pytest.fixture(scope="module")
 def text(fmd, tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "beam.html"
-    assert fmd("report", "beam", *(word for value in QUICK for word in ("--set", value)), "--out", path) == 0
+    assert fmd("report", "beam", *(word for value in QUICK for word in ("--set", value)), "--out", path, "--json") == 0
     return path.read_text(encoding="utf-8")
 
 

@@ -366,6 +366,7 @@ TOML_VALUES = st.recursive(
 )
 
 
+@settings(max_examples=50)
 @given(st.sampled_from(KEYS), TOML_VALUES.map(toml) | st.text())
 def test_any_value_at_any_key_loads_or_is_an_input_error(at: tuple[str, str], value: str) -> None:
     name, key = at
