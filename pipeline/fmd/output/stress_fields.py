@@ -98,7 +98,7 @@ def life_intervals(run: Pipeline, output: Fatigue, nodes: IntArray, error: float
     """Return the repeats to failure of nodes, at least and at most, if stress is off by a share of itself, (n, 2).
 
     A stress that is off by less than a share e of the true one lies between ``1 − e`` and ``1 + e`` times that. Nodes
-    are places among those of the surface; without damage they bear infinitely many.
+    (n,) are places among those of the surface; without damage they bear infinitely many.
     """
     shares = (1.0 - error, 1.0 + error)
     lives = [lives_at(run, output, nodes, share) if share > 0.0 else np.zeros(len(nodes)) for share in shares]

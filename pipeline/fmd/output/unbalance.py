@@ -92,8 +92,8 @@ def compute_circular_response(
 ) -> CircularResponse:
     """Compute the response to a force at a marker ``"body.marker"`` that goes round at a multiple of the rotor's rate.
 
-    The order is 1 of an unbalance, below 0 for a force that goes round backwards. The force is a function of the rate,
-    ``U Ω²`` of an unbalance U [kg m]; rates ascend from above 0 [rad/s].
+    The order is 1 of an unbalance, below 0 for a force that goes round backwards. The force [N] is a function of the
+    rate [rad/s], ``U Ω²`` of an unbalance U [kg m]; rates (n_rates,) ascend from above 0 [rad/s].
 
     Raises
     ------

@@ -71,7 +71,7 @@ class WorkPrecision:
 def compare(
     system: System, q0: Array, v0: Array, times: Array, errors_of: ErrorsOf, repeats: int = 5, limit: float = 1e-8
 ) -> WorkPrecision:
-    """March a system by every method, and measure run times and errors at times [s].
+    """March a system by every method, and measure run times and errors at times (n_times,) [s].
 
     The least run time of ``repeats`` marches counts, more of short ones, each with output at the end alone. Both
     references may differ by ``limit``.

@@ -43,7 +43,8 @@ def draw_mesh(
 ) -> Projection:
     """Draw a mesh with each of its parts in its own colour.
 
-    Each triangle has its part's position among the names of the legend, e.g. ``sleeve (1,980 elements)``.
+    Each triangle has its part's position, (n_triangles,), among the names of the legend, e.g. ``sleeve (1,980
+    elements)``.
 
     Raises
     ------
@@ -173,7 +174,7 @@ def draw_field(
     label: str,
     camera: Camera | None = None,
 ) -> Projection:
-    """Draw a field (n_points,) on the undeformed part, and label the point with the largest of some weights.
+    """Draw a field (n_points,) on the undeformed part, and label the point with the largest of weights (n_points,).
 
     The view is chosen so that this point is seen, if it can be. Limits are values of the lowest and of the highest
     colour; the quantity has its unit.

@@ -59,7 +59,7 @@ def fit_projection(axes: Array, points: Array, size: tuple[int, int], place: Pla
 def frame_projection(
     axes: Array, target: Array, scale: float, size: tuple[int, int], place: Place, points: Array
 ) -> Projection:
-    """Project along the last of ``axes`` with a target [m] in the middle of a place, at a given scale.
+    """Project along the last of ``axes`` with a target (3,) [m] in the middle of a place, at a given scale.
 
     Axes (3, 3) are to the right, up, towards the viewer; a pixel's side has the length ``scale`` [m]. The size is width
     and height [pixels]; the place has the picture's fractions left, right, bottom, top. Points (n, 3) [m] may not be
@@ -135,7 +135,7 @@ def is_visible(axes: Array, points: Array, triangles: IntArray, number: int) -> 
 def choose_axes(candidates: list[Array], points: Array, triangles: IntArray, values: Array) -> tuple[Array, int, bool]:
     """Choose the first camera axes that show a point of the largest value, to a thousandth.
 
-    Returns the axes, the point's number, and whether it is seen; if no candidate shows it, the first one is returned.
+    Returns the axes (3, 3), the point's number, and whether it is seen; if no candidate shows it, the first axes.
     """
     largest = np.flatnonzero(values >= (1 - 1e-3) * values.max())[:MOST_CANDIDATES]
     for axes, number in product(candidates, largest.tolist()):

@@ -29,7 +29,7 @@ def draw_response(
 ) -> None:
     """Draw magnitudes, a frame for each unit, and below them the phases; a unit without phase has a frame, too.
 
-    Frequencies [Hz] ascend; ``along`` labels their axis if they are something else.
+    Frequencies (n_frequencies,) [Hz] ascend; ``along`` labels their axis if they are something else.
     """
     units = list(dict.fromkeys(curve.unit for curve in curves))
     rows = len(units) + 1

@@ -190,7 +190,7 @@ def _residual(system: CompiledSystem, q: Array, t: float = 0.0) -> float:
 
 
 def close_pose(system: CompiledSystem, t: float, q: Array, kept: int | None = None) -> Array | None:
-    """Return positions near ``q`` at which all loops are closed at a time [s]; ``None`` if there are none.
+    """Return positions near q (n_positions,) at which all loops are closed at a time [s]; ``None`` if there are none.
 
     Bodies deform only where joints alone can't do it. The coordinate of the rate ``kept`` stays as it is.
     """

@@ -269,8 +269,9 @@ def find_closed_steady_state(
     """Find where loads and rotation leave the modes at rest, with rates at which the loops stay closed.
 
     Newton's method for the forces and the residuals that are left where the modes don't accelerate. Accelerations would
-    hide them: massless combinations of modes take next to no force. It starts where the loops are closed; of the groups
-    of joints' rates that move to close them as bodies deform each is tried in turn.
+    hide them: massless combinations of modes take next to no force. It starts at positions q (n_positions,) and
+    rates v (n,) that close the loops; of the groups of joints' rates that move to close them as bodies deform each is
+    tried in turn.
 
     Raises
     ------

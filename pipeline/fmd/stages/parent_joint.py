@@ -155,7 +155,7 @@ class JointAxes:
 
 
 def ground_place(scene: Scene, place: str) -> tuple[Array, Array]:
-    """Return the position (3,) in space [m] of ``"ground"`` or of a place on it, and its axes (3, 3)."""
+    """Return the position (3,) [m] of ``"ground"`` or a place on it, and the rotation (3, 3) from its axes to space."""
     name = place.partition(".")[2]
     if not name:
         return np.zeros(3), np.eye(3)

@@ -43,9 +43,9 @@ def undeformed_start(run: Pipeline) -> Array:
 def find_clips(run: Pipeline, q0: Array, reach: float) -> tuple[Clip, ...]:
     """Find the poses along each coordinate that a hand could move, as far as loops stay closed.
 
-    They begin with positions q0 as `undeformed_start` gives them; slides without stops move by a reach to both sides
-    [m], hinges without stops make a whole turn. There is a clip of the prescribed motions, if there are any, and one
-    for each joint with a single free coordinate.
+    They begin with positions q0 (n_positions,) as `undeformed_start` gives them; slides without stops move by a reach
+    to both sides [m], hinges without stops make a whole turn. There is a clip of the prescribed motions, if there are
+    any, and one for each joint with a single free coordinate.
     """
     poses, found = _Poses(run, q0, reach), []
     if any(link.motion is not None for link in run.mechanism.links):

@@ -180,7 +180,7 @@ def critical_rate(body: FlexibleBody, spin: Array) -> float:
 def rigid_spins(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> dict[str, Array]:
     """Compute the angular velocity (n_samples, 3) [rad/s] of each body in its axes over a motion in which none deforms.
 
-    It starts with positions and rates of `Mechanism.rigid`, and has a duration [s].
+    It starts with positions (n_positions,) and rates (n,) of `Mechanism.rigid`, and has a duration [s].
     """
     motion = rigid_motion(mechanism, q0, v0, duration)
     return {link.name: motion.body_spin(k) for k, link in enumerate(mechanism.links)}

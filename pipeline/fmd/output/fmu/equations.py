@@ -34,8 +34,8 @@ def write_equations(
 ) -> dict[str, str]:
     """Write ``equations.h``, ``equations.c``, ``motion.c`` and ``signals.c``, by their names; steps call the last two.
 
-    The start has positions and rates, ``nominal`` (n_positions + n,) sizes of all states; by the token the binary and
-    its description know each other.
+    The start has positions (n_positions,) and rates (n,), ``nominal`` (n_positions + n,) sizes of all states; by the
+    token the binary and its description know each other.
     """
     contents = _collect(external, interface, system, start, nominal)
     return {

@@ -54,8 +54,8 @@ def make_interface(
 ) -> Interface:
     """Name all variables of a mechanism, whose loads at points are made by the drives ``point_loads``.
 
-    It starts at q0 and v0, states have sizes ``nominal`` (n_positions + n,), and a step of the co-simulation a
-    tolerance.
+    It starts at positions q0 (n_positions,) and rates v0 (n,), states have sizes ``nominal`` (n_positions + n,), and a
+    step of the co-simulation a relative tolerance.
     """
     names = Names(external)
     own = names.own_inputs(point_loads)
