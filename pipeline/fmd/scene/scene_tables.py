@@ -39,7 +39,7 @@ class SceneTables(SceneTable):
     spring: dict[Name, Spring] = Field(default_factory=dict)  # Force elements between two places, by name.
     bushing: dict[Name, Bushing] = Field(default_factory=dict)  # Force elements between two places, by name.
     bearing: dict[Name, Bearing] = Field(default_factory=dict)  # Force elements between two places, by name.
-    contact: dict[Name, Contact] = Field(default_factory=dict)  # Faces that may touch a plane, by name.
+    contact: dict[Name, Contact] = Field(default_factory=dict)  # Faces that may touch planes or one another, by name.
     # Spur gears whose teeth push one another in motion, by name.
     gear_mesh: dict[Name, GearTeethContact] = Field(default_factory=dict)
     # The integration over time. Without it the scene has meshes and modes alone, and its bodies need no joint.

@@ -191,9 +191,8 @@ def unit_factor(unit: str | None, key: str) -> float:
 class FormulaVariables(SceneTable):
     """A table whose formulas may name variables of its own."""
 
-    variables: dict[VariableName, FormulaVariable] = Field(
-        default_factory=dict
-    )  # Variables of formulas, as those of a drive's.
+    # Variables of formulas, as those of a drive's.
+    variables: dict[VariableName, FormulaVariable] = Field(default_factory=dict)
 
     def parse(self, text: str) -> StateFormula:
         """Parse a formula of the motion; raises ``ValueError`` as `parse_state_formula` does."""
