@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -53,6 +54,13 @@ def test_a_case_whose_program_is_missing_is_skipped_with_a_word(fmd, monkeypatch
     (row,) = json.loads((tmp_path / "verification.json").read_text())
     assert row["holds"] is None
     assert row["error"].startswith("skipped: ")
+
+
+def test_the_page_counts_and_has_all_cases() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "verification.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| ([a-z][a-z0-9-]+(?:, [a-z0-9-]+)*) \|", page, re.MULTILINE)
+    assert set(CASES) <= {name for row in rows for name in row.split(", ")}
+    assert f"`fmd verify` runs {len(CASES)} cases" in page
 
 
 def test_the_tolerances_mean_something() -> None:

@@ -94,7 +94,7 @@ def choose_values(
 ) -> tuple[tuple[Variation, ...], list[tuple[str, ...]]]:
     """Parse what is varied, and return it with the combinations of values: all of them, or the points of a design."""
     if (design is None) != (points is None):
-        raise InputError("--design", "", design, "and --points belong together")
+        raise InputError("--design", "", design, "goes with --points: give both or none")
     if design is None or points is None:
         variations = parse_variations(texts)
         return variations, combine(variations)
