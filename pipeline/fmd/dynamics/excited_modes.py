@@ -32,9 +32,10 @@ class Excited:
 
 
 def excited_part(mechanism: Mechanism, q0: Array, tolerance: float) -> Excited | None:
-    """Leave out the modes that stay at rest from a start q0; ``None`` if there are none, or if nothing else would move.
+    """Leave out the modes that stay at rest; ``None`` if there are none, or if nothing else would move.
 
-    No force is one below ``tolerance`` of the largest static response to its kind, no coupling that of the modal mass.
+    The motion starts at positions q0 (n_positions,). No force is one below ``tolerance`` of the largest static response
+    to its kind, no coupling one below that of the modal mass.
     """
     if mechanism.contacts or not any(len(link.omega) for link in mechanism.links):  # contact excites all modes
         return None

@@ -195,9 +195,9 @@ def controller_state(name: str, start: StateFunction | float, slope: StateFuncti
 
 
 def rigid_integrals(mass: float, centre: Array, inertia: Array) -> InertiaIntegrals:
-    """Form the inertia integrals of a rigid body [kg] about the origin of its frame.
+    """Form the inertia integrals of a rigid body about the origin of its frame.
 
-    Its centre of mass is in the frame [m], and its inertia tensor about that [kg m²].
+    Its mass is in kg, its centre of mass (3,) in the frame [m], its inertia tensor (3, 3) about that [kg m²].
     """
     second = 0.5 * inertia.trace() * np.eye(3) - inertia + mass * (centre[:, None] * centre)
     return InertiaIntegrals(second[:, :, None, None], mass * centre[:, None], mass)

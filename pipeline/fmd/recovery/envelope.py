@@ -36,7 +36,7 @@ class StressEnvelope:
 
 
 def stress_envelope(stress: StressHistory, workers: int | None = None) -> StressEnvelope:
-    """Find the extremes of stress at all nodes over all output times, by so many threads, all cores by default."""
+    """Find the extremes of stress at all nodes over all output times; ``workers`` are threads, all cores by default."""
     n_nodes, n_times = len(stress.nodes), len(stress.times)
     extremes, frames = np.empty((n_nodes, 3)), np.zeros((n_nodes, 3), dtype=np.int64)
     extremes[:] = -1.0, -np.inf, np.inf

@@ -178,8 +178,8 @@ def fatigue_by_critical_plane(
 ) -> FatigueLife:
     """Assess the normal stress on planes across the surface, and keep the plane with the most damage.
 
-    So many planes are even over half a turn about the surface's unit normals (n_nodes, 3); the rest is as for
-    `fatigue_by_signed_von_mises`.
+    There are ``planes`` of them, evenly over half a turn about the surface's unit normals (n_nodes, 3); the rest is as
+    for `fatigue_by_signed_von_mises`.
     """
     rows, axes, q = _in_surface(stress, normals)
     return _assess(_NormalStress(rows, axes, planes), stress.nodes, q, law, worst, share)

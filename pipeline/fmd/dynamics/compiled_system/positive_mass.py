@@ -48,7 +48,10 @@ def require_positive_mass(system: ReferenceState, q: Array, where: str, least: f
 
 
 def require_positive_over(system: ReferenceState, times: Array, q: Array) -> None:
-    """Raise ``InertiaError`` if the mass isn't positive definite at a largest one of deflections q (n_times, …)."""
+    """Raise ``InertiaError`` if the mass isn't positive definite at one of a motion's largest deflections.
+
+    The motion has positions q (n_times, n_positions) at times [s].
+    """
     mechanism = system.mechanism
     stiffened = _stiffened(mechanism)
     if not stiffened:
