@@ -1,4 +1,4 @@
-"""What is wrong with the surfaces of a scene's contacts: the side that they look to, and their material."""
+"""Faults of surfaces that touch: the side that they look to, and a material that counts for nothing."""
 
 from __future__ import annotations
 
