@@ -1,10 +1,6 @@
 """The page of a mechanism before it runs: names, faces, sliders, and that a browser moves them."""
 
 import base64
-import json
-import re
-import subprocess
-from html import unescape
 from importlib.resources import files
 
 import numpy as np
@@ -12,7 +8,7 @@ import pytest
 
 from fmd import load
 from fmd.output.report.view_page import collect_poses, make_view_page
-from tests.output.test_report import AT_ONCE, BROWSER, CHROMIUM, Page
+from tests.output.test_report import Page, answers
 
 COARSE = "body.forearm.mesh.divisions=[6, 1, 1]"
 PUSH = 'drive.push={type="point force",marker="gripper.wrist",direction=[0,-1,0],force="1 N"}'
@@ -99,17 +95,10 @@ def test_a_part_alone_has_nothing_to_view(fmd, tmp_path, capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine: apt-get install chromium")
 def test_a_browser_names_what_the_pointer_is_over_and_moves_joints(fmd, tmp_path):
     path = tmp_path / "view.html"
     assert fmd("view", "arm", "--set", COARSE, "--no-browser", "--out", path) == 0
-    text = path.read_text(encoding="utf-8").replace("<title>", f"{AT_ONCE}<title>", 1).replace("</body>", HARNESS)
-    path.write_text(text, encoding="utf-8")
-    options = [*BROWSER, f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", path.as_uri()]
-    done = subprocess.run([str(CHROMIUM), *options], capture_output=True, text=True, check=True, timeout=180)
-    answer = re.search(r'data-answer="(.*?)"(?: |>)', done.stdout)
-    assert answer is not None, done.stderr
-    start, turned, other = json.loads(unescape(answer[1]))
+    start, turned, other = answers(tmp_path, path.read_text(encoding="utf-8"), HARNESS)
     assert start[0] == "at the start"
     assert {"upper.shoulder", "upper.elbow, forearm.elbow"} <= set(start[2])
     assert {"", "upper"} <= set(start[3])
