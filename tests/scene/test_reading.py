@@ -405,6 +405,10 @@ def test_any_file_is_an_input_error(tmp_path: Path, content: bytes) -> None:
         ("joint.hub.damping=1 N m s", "damper"),
         ("body.beam.shape=box", "bar"),
         ("joint.hub.type=revolut", "revolute"),
+        ('joint.hub.stop={upper="9 deg", stiffness="1 N m/rad"}', "high"),
+        ('controller={servo={type="pid", error="1 - hub.angle", kp=1.0}}', "proportional"),
+        ('controller={servo={type="pid", reference="1", proportional=1.0}}', "error"),
+        ('controller={servo={type="pid", error="1 - hub.angle", max=1.0}}', "highest"),
     ],
 )
 def test_words_of_other_programs_are_understood(override: str, meant: str) -> None:
