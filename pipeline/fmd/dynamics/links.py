@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -132,14 +131,6 @@ class Link:
         """Raise ``ValueError`` unless the link can be the one of this number on a parent with so many modes."""
         if not -1 <= self.parent < number:
             raise ValueError(f"link {self.name} comes before its parent")
-        self._is_sound  # noqa: B018 - raises
-        for name in ("translation", "rotation", "displacement2"):
-            if (found := getattr(self.place, name).shape[1]) not in (0, parent_modes):
-                raise ValueError(f"{name} of {self.name}'s place has {found} columns, its parent {parent_modes} modes")
-
-    @cached_property
-    def _is_sound(self) -> bool:
-        """True, or raises ``ValueError``: found once of a link, which variants of a mechanism have in common."""
         if not np.linalg.norm(self.axis) > 0.0:
             raise ValueError(f"the axis of {self.name} has no direction")
         if not np.allclose(self.place_axes.T @ self.place_axes, np.eye(3), atol=SUMMED):
@@ -148,6 +139,9 @@ class Link:
             raise ValueError(
                 f"{self.name} has {len(self.omega)} frequencies and {self.integrals.G.shape[-1] - 1} shapes"
             )
+        for name in ("translation", "rotation", "displacement2"):
+            if (found := getattr(self.place, name).shape[1]) not in (0, parent_modes):
+                raise ValueError(f"{name} of {self.name}'s place has {found} columns, its parent {parent_modes} modes")
         along = self.spring or self.damper or self.motion or self.effort or self.load != constant(0.0)
         if along and not self.unit:
             raise ValueError(f"the joint of {self.name} takes no spring, damper, load or motion: it has no axis")
@@ -157,7 +151,6 @@ class Link:
             raise ValueError(f"the motion of {self.name} needs a basis whose section at the joint is frozen")
         if self.motion:
             _require_smooth(self.name, self.motion, self.unit)
-        return True
 
 
 def _require_smooth(name: str, motion: Signal, unit: str) -> None:

@@ -45,6 +45,7 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
     from fmd.output.contact_faults import facing_faults, material_faults
 
     found += [{"code": "contact-material", "text": text} for text in material_faults(run)]
+    found += [{"code": "contact-facing", "text": text} for text in facing_faults(run.motion)]
     for motion in run.motions.values():
         for name, own in motion.contacts.items():
             part = own.lost_part(motion.energies[0])
@@ -58,7 +59,6 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
         found += [{"code": "contact-grid", "text": text} for text in _grid_faults(motion)]
         found += [{"code": "contact-wide", "text": text} for text in _pin_faults(motion)]
         found += [{"code": "contact-worn", "text": text} for text in _wear_faults(motion)]
-        found += [{"code": "contact-facing", "text": text} for text in facing_faults(motion)]
         found += [{"code": "contact-coarse", "text": text} for text in _coarse_faults(motion)]
         found += [{"code": "contact-unseen", "text": text} for text in describe_depths(run, motion).values()]
     for name, body, face in run.scene.touching_faces:

@@ -155,9 +155,10 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
 
     again, fronts = plan_fronts(graph, counts, parent, size)
     figures = FactorFigures("multifrontal", name, n, nonzeros, 8 * sum(front.entries for front in fronts))
-    _refuse_too_large(figures, 8.0 * plan_stack(fronts)[1] + BYTES_FOR_FRONTS * A.nnz)
+    stack = plan_stack(fronts)
+    _refuse_too_large(figures, 8.0 * stack[1] + BYTES_FOR_FRONTS * A.nnz)
     with one_thread():
-        return Factor(factorise_fronts(A, _unknowns(nodes[again], size), fronts), figures)
+        return Factor(factorise_fronts(A, _unknowns(nodes[again], size), fronts, stack), figures)
 
 
 def _unknowns(nodes: IntArray, size: int) -> IntArray:

@@ -122,7 +122,9 @@ def plan_stack(fronts: Sequence[Front]) -> tuple[list[int], int]:
     return [(turned if level % 2 else begins)[k] for k, level in enumerate(depth)], room
 
 
-def factorise_fronts(A: sp.csr_array, order: IntArray, fronts: Sequence[Front]) -> Callable[[Array], Array]:
+def factorise_fronts(
+    A: sp.csr_array, order: IntArray, fronts: Sequence[Front], stack: tuple[list[int], int]
+) -> Callable[[Array], Array]:
     """Factorise a symmetric positive definite matrix by fronts; returns the solve, which takes many loads at a time.
 
     Parameters
@@ -131,6 +133,8 @@ def factorise_fronts(A: sp.csr_array, order: IntArray, fronts: Sequence[Front]) 
         The matrix, both triangles.
     order : ndarray of int, shape (n,)
         Its unknowns in the fronts' order.
+    stack : tuple
+        What `plan_stack` plans for the fronts.
 
     Raises
     ------
@@ -141,12 +145,12 @@ def factorise_fronts(A: sp.csr_array, order: IntArray, fronts: Sequence[Front]) 
     place, local, places = (np.zeros(n, dtype=np.int64) for _ in range(3))
     place[order] = np.arange(n)
     matrix = (A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data, order.astype(np.int64), place)
-    begins, room = plan_stack(fronts)
-    kept, stack = np.empty(sum(front.entries for front in fronts)), np.empty(room)
+    begins, room = stack
+    kept, left = np.empty(sum(front.entries for front in fronts)), np.empty(room)
 
     def rest(k: int) -> Array:
         width = len(fronts[k].below)
-        return stack[begins[k] : begins[k] + width**2].reshape(width, width)
+        return left[begins[k] : begins[k] + width**2].reshape(width, width)
 
     parts, begin = [], 0
     for k, front in enumerate(fronts):
