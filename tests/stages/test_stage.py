@@ -1,6 +1,8 @@
 """The stage graph: results are computed once, kept under keys of everything they depend on, and logged."""
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ from fmd import Pipeline, load_scene
 from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.core.cache import Cache
 from fmd.core.errors import InertiaError
+from fmd.core.progress import Advance
 from fmd.output.explain import STAGES
 from fmd.stages.part import PART_STAGES, FlexiblePart
 from fmd.stages.pipeline import RUN_STAGES
@@ -153,6 +156,30 @@ def test_the_time_of_a_stage_that_fails_counts() -> None:
     store.compute("motion", lambda: 1.0)
     assert store.log.seconds["motion"] > 0.02
     assert store.log.run == ["motion"]
+
+
+def test_a_stage_is_one_task_and_hands_on_its_progress() -> None:
+    told: list[tuple[str, float]] = []  # -1 where a task begins
+
+    @contextmanager
+    def monitor(name: str) -> Iterator[Advance]:
+        told.append((name, -1.0))
+        yield lambda done: told.append((name, done))
+
+    store = StageStore(Cache(None), monitor)
+
+    def outer() -> None:
+        store.compute("inner", lambda: store.advance(0.5))
+        store.advance(0.25)
+
+    store.compute("outer", outer)
+    assert told == [("outer", -1.0), ("inner", -1.0), ("inner", 0.5), ("outer", 0.25)]
+    told.clear()
+    run = Pipeline(load_scene("beam-paper", ["body.beam.mesh.divisions=[12, 2, 1]"]), Cache(None), monitor)
+    assert len(run.part.body.omega)
+    names = [name for name, done in told if done < 0.0]
+    assert names.count("body") == names.count("modes") == 1
+    assert "modes" in {name for name, done in told if 0.0 < done <= 1.0}
 
 
 def test_every_stage_that_is_kept_knows_the_kind_of_its_result() -> None:

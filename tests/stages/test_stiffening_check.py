@@ -5,6 +5,7 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.core.errors import InputError
+from fmd.stages.buckling import _extreme_parts
 from fmd.stages.mechanism import build_mechanism, place_joints
 from fmd.stages.stiffening_check import check_stiffening_loads, critical_rate, rigid_spins
 
@@ -69,3 +70,16 @@ def test_a_run_with_its_own_bodies_is_the_same_mechanism() -> None:
     assert not other.mechanism.links[0].joint_displacement2.size
     assert np.array_equal(run.mechanism.links[0].integrals.stiffening, other.mechanism.links[0].integrals.stiffening)
     assert run.with_bodies(run.bodies, stiffening_loads={}).mechanism.links[0].joint_displacement2.any()
+
+
+def test_extreme_eigenvalues_of_a_motion_are_those_of_all_its_matrices() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        k = int(rng.integers(1, 7))
+        K = rng.normal(size=(int(rng.integers(1, 60)), k, k))
+        K = K + K.swapaxes(1, 2) + rng.choice([-3.0, 0.0, 3.0, 8.0]) * np.eye(k)
+        K *= rng.lognormal(0.0, 2.0, size=(len(K), 1, 1)) * rng.choice([0.01, 0.3, 1.0, 3.0])
+        every, (lowest, highest) = np.linalg.eigvalsh(K), _extreme_parts(K)
+        assert max(-lowest.min(), 0.0) == pytest.approx(max(-every.min(), 0.0), rel=1e-13)
+        assert max(-lowest.min(), highest.max()) == pytest.approx(np.abs(every).max(), rel=1e-13)
+        assert ((lowest < -1.0) == (every[:, 0] < -1.0)).all()

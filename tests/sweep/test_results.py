@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 import xarray
 
+from fmd.core.errors import InputError
+from fmd.scene.result_names import require_results
 from fmd.scene.scene import Scene, load_scene
 from fmd.sweep.plot import draw_sweep
 from fmd.sweep.points import Point, Variation, point_key
@@ -121,6 +124,12 @@ def test_a_result_that_a_point_lacks_is_its_message_and_is_not_kept(scene: Path,
     ("name", "text"),
     [
         ("hinge.forces", "--of: hinge.forces: no such result; did you mean 'hinge.force'?"),
+        ("hinge.force.w", "--of: hinge.force.w: no such result; did you mean 'hinge.force'?"),
+        ("rod.end.position.speed", "no such result; did you mean 'rod.end.position'?"),
+        ("rod.stress", "--of: rod.stress: no such result"),
+        ("frequency.1", "--of: frequency.1: no such result"),
+        ("critical_speed", "--of: critical_speed: no such result"),
+        ("tip", "--of: tip = 'rod.end': is on a rigid body and doesn't deflect; 'rod.end.position' or"),
         ("gap = rod.and.y + 1", "rod.and"),
         ("gap = rod.end.y +", "gap = 'rod.end.y +'"),
         ("block.centre.y by block.centre.x", "no [[output]] of type frf has it; did you mean"),
@@ -131,6 +140,22 @@ def test_names_that_no_result_has_are_refused_before_anything_is_computed(
 ) -> None:
     assert fmd("sweep", scene, "--vary", "body.rod.mass=1..2:2 kg", "--of", name) == 2
     assert text in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("life", "takes one [[output]] of type fatigue for forearm; the scene has 0"),
+        ("forearm.frequency.0", "no such result"),
+        ("gripper.stress", "no such result"),
+        ("forearm.stress.x", "no such result"),
+    ],
+)
+def test_results_that_a_body_can_not_have_are_refused_by_the_scene_alone(name: str, text: str) -> None:
+    arm = load_scene("arm")
+    with pytest.raises(InputError, match=re.escape(text)):
+        require_results(arm, [name])
+    require_results(arm, ["tip", "stress", "forearm.frequency.3", "gripper.mass", "mass", "elbow.force.size"])
 
 
 def test_the_terminal_says_how_many_points_it_leaves_out(scene: Path, fmd, capsys, monkeypatch, tmp_path) -> None:

@@ -10,6 +10,8 @@ from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.cache import Cache
 from fmd.output.summary import summarise_solved
 from fmd.scene.scene import load_scene
+from fmd.stages import like_mechanisms
+from fmd.stages.mechanism import build_mechanism
 from fmd.sweep import work
 from fmd.sweep.points import make_points, parse_variations, point_key
 from fmd.sweep.record import Wanted
@@ -61,6 +63,20 @@ def test_figures_of_points_together_are_those_of_runs_by_themselves(
                 assert found[name] == expected, name
 
 
+def test_the_first_points_of_a_process_take_the_body_and_the_mechanism_of_its_very_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(work, "_last", [])
+    built: list[int] = []
+    monkeypatch.setattr(
+        like_mechanisms, "build_mechanism", lambda *given: (built.append(1), build_mechanism(*given))[1]
+    )
+    points = [load_scene("arm", [*_ARM, f"joint.elbow.damper={value} N m s"]) for value in (0.1, 0.2, 0.3, 0.4)]
+    records = dict(compute_points({point_key(point): point for point in points}, Wanted(results=("tip",))))
+    assert {record.status for record in records.values()} == {"ok"}
+    assert len(built) <= 2  # with its body as it is and stiffened
+
+
 def test_a_point_that_is_refused_changes_none_that_is_computed_with_it() -> None:
     fixed = [_RUN, "simulation.duration=1 s", "simulation.step=25 ms"]  # too long from 32 kN/m on
     points = [load_scene("rod-slider", [*fixed, f"joint.slide.spring={k} N/m"]) for k in (1000, 100_000, 2000)]
@@ -103,7 +119,7 @@ def test_points_have_the_first_run_of_a_scene_and_say_how_many_others_they_lack(
     assert own["final"] == same["final"]
 
 
-@pytest.mark.parametrize(("more", "says"), [((), True), (("--all-runs",), False), (("--of", "tip"), False)])
+@pytest.mark.parametrize(("more", "says"), [((), True), (("--all-runs",), False), (("--of", "slide.position"), False)])
 def test_the_terminal_says_which_runs_the_points_have(
     fmd, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch, more: tuple[str, ...], says: bool
 ) -> None:

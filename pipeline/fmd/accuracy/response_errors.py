@@ -83,10 +83,7 @@ def estimate_response_errors(
     """
     try:
         lowest = float(frequencies_hz[0])
-        with run.store.monitor("errors of responses") as advance:
-            found = run.store.compute(
-                "errors of responses", lambda: _find_variants(run, linear, request, lowest, advance)
-            )
+        found = run.store.compute("errors of responses", lambda: _find_variants(run, linear, request, lowest))
     except FAULTS as fault:  # of a variant: the response itself is there
         found = f"{fault}"
     if isinstance(found, str):
@@ -133,13 +130,11 @@ def _change_by_shift(found: _Variants, frequencies_hz: Array, response: Array, t
     return np.abs(found.rich.frequency_response(shifted) - response)
 
 
-def _find_variants(
-    run: Pipeline, linear: LinearModel, request: Request, lowest: float, advance: Advance
-) -> _Variants | str:
+def _find_variants(run: Pipeline, linear: LinearModel, request: Request, lowest: float) -> _Variants | str:
     """Return the variants of a run that errors come from, or why there are none."""
     if not run.parts:
         return _Variants(linear, linear, np.zeros_like, np.zeros(linear.model.D.shape))
-    shifted = shift_frequencies(run, lambda done: advance(OF_TWO_MESHES * done))
+    shifted = shift_frequencies(run, lambda done: run.store.advance(OF_TWO_MESHES * done))
     if isinstance(shifted, str):
         return shifted
     pair, rich = shifted.pair, linearise_scene(shifted.pair.run, *request)

@@ -41,7 +41,7 @@ def excited_part(mechanism: Mechanism, q0: Array, tolerance: float) -> Excited |
         return None
     kept = []
     for b, link in enumerate(mechanism.links):
-        forces, couplings = _acting(mechanism, b)
+        forces, couplings = _acting(mechanism, b) if len(link.omega) else ([], [])
         start = q0[mechanism.modal_positions_of(b)]
         kept.append(np.flatnonzero(reached(link.omega, [*forces, start], couplings, tolerance)))
     left_out = {

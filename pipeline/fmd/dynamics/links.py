@@ -133,7 +133,7 @@ class Link:
             raise ValueError(f"link {self.name} comes before its parent")
         if not np.linalg.norm(self.axis) > 0.0:
             raise ValueError(f"the axis of {self.name} has no direction")
-        if not np.allclose(self.place_axes.T @ self.place_axes, np.eye(3), atol=SUMMED):
+        if not np.abs(self.place_axes.T @ self.place_axes - np.eye(3)).max() <= SUMMED:
             raise ValueError(f"the axes of the place that carries {self.name} are not orthonormal")
         if self.integrals.G.shape[-1] != 1 + len(self.omega):
             raise ValueError(

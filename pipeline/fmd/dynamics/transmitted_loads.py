@@ -51,21 +51,32 @@ def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
     reactions |= {f"{ELEMENT}{each.name}": motion.wrenches(each) for each in mechanism.elements}
     joints: dict[int, tuple[Array, Array]] = {}  # force and moment on a body at its origin, in space
     found: dict[int, BodyLoads] = {}
+    into_bodies = [frame.rotation.swapaxes(1, 2) for frame in frames]
+    moving = [
+        (turned(into_body, frame.velocity), turned(into_body, frame.spin), momenta.linear, momenta.angular)
+        for into_body, frame, momenta in zip(into_bodies, frames, motion.momenta, strict=True)
+    ]
+    rates = np.gradient(np.array(moving), motion.times, axis=2, edge_order=2)  # (n_bodies, 4, n_times, 3)
     for body in reversed(range(len(mechanism.links))):
-        frame = frames[body]
-        into_body = frame.rotation.swapaxes(1, 2)
-        spin, velocity = turned(into_body, frame.spin), turned(into_body, frame.velocity)
-        acceleration = _rate(motion, velocity) + np.cross(spin, velocity) - into_body @ mechanism.gravity
+        frame, into_body, weight = frames[body], into_bodies[body], into_bodies[body] @ mechanism.gravity
+        velocity, spin, linear, angular = moving[body]
+        acceleration = rates[body, 0] + np.cross(spin, velocity) - weight
         loaded = loaded_places(mechanism, body)
         pulls = [_on_carrier(motion, k, *joints[k]) for k in loaded.carried]
         pulls += [_of_load(motion, body, at) for at in loaded.loads]
         pulls += [(reactions[name][:, side, :3], reactions[name][:, side, 3:]) for name, side, _ in loaded.joined]
         wrenches = np.array([np.concatenate([turned(into_body, part) for part in pull], axis=1) for pull in pulls])
         wrenches = wrenches.reshape(len(pulls), len(motion.times), 6)
-        force, moment = _joint_load(motion, body, [at.position for at in loaded.markers], wrenches)
+        # Force and moment about its origin by which its joint moves it and what it carries.
+        force = rates[body, 2] + np.cross(spin, linear) - mechanism.links[body].integrals.mass * weight
+        moment = rates[body, 3] + np.cross(spin, angular) + np.cross(velocity, linear)
+        moment = moment - np.cross(motion.momenta[body].moment, weight)
+        for at, wrench in zip(loaded.markers, wrenches, strict=True):
+            force = force - wrench[:, :3]
+            moment = moment - wrench[:, 3:] - np.cross(at.position, wrench[:, :3])
         found[body] = BodyLoads(
             spin,
-            _rate(motion, spin),
+            rates[body, 1],
             acceleration,
             wrenches,
             np.concatenate([force, moment], axis=1),
@@ -207,25 +218,6 @@ def loaded_places(mechanism: Mechanism, body: int) -> LoadedPlaces:
     loads = [load for load in mechanism.loads if load.body == name]
     markers = [mechanism.links[k].place for k in carried] + [load.marker for load in loads]
     return LoadedPlaces(carried, loads, joined, markers + [at for *_, at in joined])
-
-
-def _rate(motion: Kinematics, values: Array) -> Array:
-    return np.gradient(values, motion.times, axis=0, edge_order=2)
-
-
-def _joint_load(motion: Kinematics, body: int, places: list[Array], wrenches: Array) -> tuple[Array, Array]:
-    """Force and moment about a body's origin by which its joint moves it and what it carries, in its axes."""
-    link, frame, momenta = motion.mechanism.links[body], motion.frames[body], motion.momenta[body]
-    into_body = frame.rotation.swapaxes(1, 2)
-    spin, velocity = turned(into_body, frame.spin), turned(into_body, frame.velocity)
-    weight = into_body @ motion.mechanism.gravity
-    force = _rate(motion, momenta.linear) + np.cross(spin, momenta.linear) - link.integrals.mass * weight
-    moment = _rate(motion, momenta.angular) + np.cross(spin, momenta.angular) + np.cross(velocity, momenta.linear)
-    moment = moment - np.cross(momenta.moment, weight)
-    for place, wrench in zip(places, wrenches, strict=True):
-        force = force - wrench[:, :3]
-        moment = moment - wrench[:, 3:] - np.cross(place, wrench[:, :3])
-    return force, moment
 
 
 def _on_carrier(motion: Kinematics, body: int, force: Array, moment: Array) -> tuple[Array, Array]:

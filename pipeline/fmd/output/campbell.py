@@ -69,10 +69,11 @@ class CampbellDiagram:
 
     def with_errors(self, run: Pipeline) -> CampbellDiagram:
         """Return the diagram with the errors of its frequencies, or why none are stated."""
-        found, name = (self.rates, self.frequencies_hz), "errors of frequencies"
-        with run.store.monitor(name) as advance:
-            errors = run.store.compute(name, lambda: estimate_frequency_errors(coupled(run), *found, advance))
-        return replace(self, errors_hz=errors)
+
+        def estimate() -> Array | str:
+            return estimate_frequency_errors(coupled(run), self.rates, self.frequencies_hz, run.store.advance)
+
+        return replace(self, errors_hz=run.store.compute("errors of frequencies", estimate))
 
     @property
     def unit(self) -> str:

@@ -19,9 +19,16 @@ from fmd.recovery.motion_file import Variable
 from fmd.recovery.stress import von_mises
 from fmd.scene.histories import Quantities
 from fmd.scene.reading import suggest_name
-from fmd.scene.result_names import BY, OF_A_BODY, listed_response, read_formula, require_quantity
+from fmd.scene.result_names import (
+    BY,
+    find_fatigue_output,
+    listed_response,
+    read_formula,
+    require_deflecting_tip,
+    require_quantity,
+    with_body,
+)
 from fmd.scene.rigid_bodies import Undeformable
-from fmd.scene.stress_outputs import Fatigue
 from fmd.stages.pipeline import Pipeline
 
 _SIZE = ".size"
@@ -76,9 +83,8 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
         return [_formula(run, name, origin)]
     if BY in name:
         return [_response(run, name, origin)]
-    if name.split(".", maxsplit=1)[0] in OF_A_BODY and len(run.wholes) == 1:
-        name = f"{next(iter(run.wholes))}.{name}"
-    parts = name.split(".")
+    parts = with_body(run.scene, name)
+    name = ".".join(parts)
     if len(parts) == 3 and parts[0] in run.wholes and parts[1] == "frequency":
         return [_frequency(run, name, parts[0], parts[2], origin)]
     if parts[0] == "critical_speed":
@@ -100,9 +106,10 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
 
 
 def _tip(run: Pipeline, origin: str) -> ResultChannel:
+    require_deflecting_tip(run.scene, origin)
     frame = int(run.motion.tip_size.argmax())
     if not run.motion.tip_size[frame] > 0.0:
-        raise InputError(origin, "tip", run.motion.tip, "doesn't deflect; its '.position.x' or '.velocity.x' works")
+        raise InputError(origin, "tip", run.motion.tip, "doesn't deflect in this motion; its '.position.x' works")
     return ResultChannel(
         "tip",
         "m",
@@ -200,17 +207,14 @@ def _mass(run: Pipeline, body: str) -> float:
 
 
 def _life(run: Pipeline, body: str, origin: str) -> ResultChannel:
-    outputs = [output for output in run.scene.output if isinstance(output, Fatigue) and output.body == body]
-    if len(outputs) != 1:
-        mend = f"takes one [[output]] of type fatigue for {body}; the scene has {len(outputs)}"
-        raise InputError(origin, f"{body}.life", None, mend)
-    place = find_fatigue(run, outputs[0]).worst(1)
+    output = find_fatigue_output(run.scene, body, origin)
+    place = find_fatigue(run, output).worst(1)
 
     def shortest(other: Pipeline) -> float:
-        damage = float(find_fatigue(other, outputs[0]).damage.max())
+        damage = float(find_fatigue(other, output).damage.max())
         return 1.0 / damage if damage > 0.0 else np.inf
 
-    return ResultChannel(f"{body}.life", "", lambda other: lives_at(other, outputs[0], place)[0], shortest=shortest)
+    return ResultChannel(f"{body}.life", "", lambda other: lives_at(other, output, place)[0], shortest=shortest)
 
 
 def _histories(run: Pipeline, name: str, origin: str) -> list[ResultChannel]:

@@ -154,14 +154,14 @@ def with_orbit_errors(
         return lambda rate: _radii(at(rate))
 
     def estimate() -> CircularResponse:
-        found = find_richer_orbits(synchronous(coupled(run), order), respond, float(response.rates[-1]), order, advance)
+        rotor, highest = synchronous(coupled(run), order), float(response.rates[-1])
+        found = find_richer_orbits(rotor, respond, highest, order, run.store.advance)
         if isinstance(found, str):
             return replace(response, errors=found)
         criticals = tuple(_with_errors(at, response.markers.index(at.marker), found) for at in response.criticals)
         return replace(response, errors=found.errors(response.rates, response.amplitude), criticals=criticals)
 
-    with run.store.monitor("errors of orbits") as advance:
-        return run.store.compute("errors of orbits", estimate)
+    return run.store.compute("errors of orbits", estimate)
 
 
 def _with_errors(at: Critical, k: int, richer: RicherOrbits) -> Critical:

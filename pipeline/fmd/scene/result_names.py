@@ -12,8 +12,10 @@ from fmd.scene.outputs import FrequencyResponseChart
 from fmd.scene.reading import suggest_name
 from fmd.scene.scene import Scene
 from fmd.scene.state_loads import FormulaVariables
+from fmd.scene.stress_outputs import Fatigue
 
 OF_A_BODY = ("stress", "life", "frequency")
+_COMPONENTS = (*"xyz", "size")
 _MARKERS = ("position", "displacement", "velocity", "acceleration")
 _ALONG_JOINTS = (
     "position",
@@ -31,14 +33,52 @@ BY = " by "
 def require_results(scene: Scene, names: Sequence[str], origin: str = "--of") -> None:
     """Raise ``InputError`` for a name of an option that no result has, before anything is computed."""
     for name in names:
-        first, _, last = name.partition(".")
-        of_body = first in OF_A_BODY or (first in scene.body and last.partition(".")[0] in (*OF_A_BODY, "mass"))
         if "=" in name:
             read_formula(scene, name, origin)
         elif BY in name:
             listed_response(scene, name, origin)
-        elif not (of_body or first == "critical_speed" or name in ("tip", "mass")):
+        elif name == "tip":
+            require_deflecting_tip(scene, origin)
+        elif not (_is_of_a_body(scene, name, origin) or name == "mass" or name.startswith("critical_speed.")):
             require_quantity(scene, name, origin)
+
+
+def require_deflecting_tip(scene: Scene, origin: str) -> None:
+    """Raise ``InputError`` unless the tip is on a flexible body."""
+    tip = scene.simulation.tip
+    if tip.partition(".")[0] not in scene.flexible:
+        mend = f"is on a rigid body and doesn't deflect; '{tip}.position' or '{tip}.velocity' works"
+        raise InputError(origin, "tip", tip, mend)
+
+
+def find_fatigue_output(scene: Scene, body: str, origin: str) -> Fatigue:
+    """Return the only output of type fatigue of a body, which its life is by; raises ``InputError`` without."""
+    outputs = [output for output in scene.output if isinstance(output, Fatigue) and output.body == body]
+    if len(outputs) != 1:
+        mend = f"takes one [[output]] of type fatigue for {body}; the scene has {len(outputs)}"
+        raise InputError(origin, f"{body}.life", None, mend)
+    return outputs[0]
+
+
+def with_body(scene: Scene, name: str) -> list[str]:
+    """Return the parts of a result's name, with that of the only flexible body where it is left out."""
+    parts = name.split(".")
+    return [*scene.flexible, *parts] if parts[0] in OF_A_BODY and len(scene.flexible) == 1 else parts
+
+
+def _is_of_a_body(scene: Scene, name: str, origin: str) -> bool:
+    """Tell whether a result is a body's, and raise ``InputError`` where that body can't have it."""
+    match with_body(scene, name):
+        case [body, "mass"]:
+            return body in scene.body
+        case [body, "stress"]:
+            return body in scene.flexible
+        case [body, "life"] if body in scene.flexible:
+            find_fatigue_output(scene, body, origin)
+            return True
+        case [body, "frequency", number]:
+            return body in scene.flexible and number.isdigit() and int(number) > 0
+    return False
 
 
 def takes_motion(name: str) -> bool:
@@ -112,12 +152,14 @@ def _asked_quantity(scene: Scene, name: str) -> dict[str, Any] | None:
         return {"quantities": ["energy"]}
     parts = name.split(".")
     first, second, kind = parts[0], ".".join(parts[:2]), parts[2] if len(parts) > 2 else ""
-    if first in scene.body and kind in _MARKERS and parts[1] in scene.body[first].marker:
+    if parts[-1] in _COMPONENTS and len(parts) > 2:
+        parts.pop()
+    if first in scene.body and parts[2:] == [kind] and kind in _MARKERS and parts[1] in scene.body[first].marker:
         return {"quantities": [f"marker_{kind}"], "markers": [second]}
     if first in scene.flexible and kind and parts[1] in getattr(scene.body[first], "element", {}):
         return {"quantities": ["element_stress"], "elements": [second], "components": [kind.replace("_", " ")]}
     if first in scene.joint and len(parts) > 1:
-        if parts[1] in ("force", "moment"):
+        if parts[1:] in (["force"], ["moment"]):
             return {"quantities": ["joint_reaction"], "joints": [first]}
         if parts[1] in _ALONG_JOINTS:
             return {"quantities": ["joint_position", "joint_rate"], "joints": [first]}

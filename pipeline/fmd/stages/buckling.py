@@ -58,17 +58,32 @@ def find_changes(mechanism: Mechanism, checks: Mapping[str, StiffeningLoads]) ->
         omega = mechanism.links[body].omega
         if check.stiffened and len(omega):
             K = geometric_stiffness_over(mechanism, body, check.loads) / np.outer(omega, omega)
-            parts = np.linalg.eigvalsh(K)
-            lowest, beyond = np.zeros(len(K)), parts[:, 0] < -1.0  # where the whole stiffness isn't definite
-            lowest[beyond] = np.linalg.eigvalsh(K[beyond] * np.outer(omega, omega) + np.diag(omega**2))[:, 0]
-            largest, buckling = float(np.abs(parts).max()), float(max(-parts[:, 0].min(), 0.0))
-            changes[name] = StiffnessChange(largest, buckling, *_instability(check.times, lowest))
+            lowest, highest = _extreme_parts(K)
+            beyond = np.flatnonzero(lowest < -1.0)  # where the whole stiffness isn't definite
+            whole = np.zeros(len(K))
+            whole[beyond] = np.linalg.eigvalsh(K[beyond] * np.outer(omega, omega) + np.diag(omega**2))[:, 0]
+            buckling = max(-float(lowest.min()), 0.0)
+            largest = max(buckling, float(highest.max()))
+            changes[name] = StiffnessChange(largest, buckling, *_instability(check.times, whole))
     suspects = [name for name, change in changes.items() if change.buckling > SUSPECT and not part_of(name)]
     if suspects and (mechanism.closures or mechanism.elements):
         loads = {mechanism.number_of(name): checks[name].loads for name in changes}
         constrained = _find_constrained_change(mechanism, loads, checks[suspects[0]])
         changes |= {name: replace(constrained, largest=changes[name].largest) for name in suspects}
     return changes
+
+
+def _extreme_parts(K: Array) -> tuple[Array, Array]:
+    """Return the lowest and highest eigenvalues of symmetric matrices (n, k, k); 0 of those that can't count.
+
+    No eigenvalue is larger by size than its matrix's norm, the largest no smaller than that over the root of k, the
+    lowest no higher than any entry of the diagonal: so these have none below -1, nor the lowest or the largest of all.
+    """
+    extremes, sizes = np.zeros((2, len(K))), np.linalg.norm(K, axis=(1, 2))
+    lowest = float(np.einsum("tii->ti", K).min())
+    may_count = sizes >= 0.99 * min(sizes.max() / np.sqrt(K.shape[1]), max(-lowest, 0.0), 1.0)
+    extremes[:, may_count] = np.linalg.eigvalsh(K[may_count])[:, [0, -1]].T
+    return extremes[0], extremes[1]
 
 
 def _instability(times: Array, stiffness: Any) -> tuple[float, float]:

@@ -77,7 +77,7 @@ def compute_modes(part: FlexiblePart) -> Modes:
     if part.is_reduced:
         return modes_of_file(part.fe)
     try:
-        with part.store.monitor("modes") as advance, part.model.solver.telling(advance):
+        with part.model.solver.telling(part.store.advance):
             modes = compute_modes(part.model, part.shape.modes)
     except AccuracyError as error:
         if hinges := [note for note in part.mesh_notes if note.endswith(HINGE_MEND)]:
@@ -93,9 +93,7 @@ def reduce(part: FlexiblePart) -> FlexibleBody:
 
     if part.is_reduced:
         return reduce_file_body(part.model, part.modes, part.shape, part.frame, part.stiffening)
-    modes = part.modes  # whose stage has its own progress
-    with part.store.monitor("body") as advance:
-        return reduce_body(part.model, modes, part.shape.modes, part.frame, advance)
+    return reduce_body(part.model, part.modes, part.shape.modes, part.frame, part.store.advance)
 
 
 def stiffen(part: FlexiblePart) -> SecondOrder:
@@ -108,9 +106,7 @@ def stiffen(part: FlexiblePart) -> SecondOrder:
         given = NO_MESH.format("file" if part.is_reduced else "matrices, without geometric_stiffness")
         mend = f"stiffening by inertia loads takes stress, and the body {given}; 'off' leaves it out"
         raise InputError(part.file, "simulation.stiffening", None, mend)
-    model, reduced = part.model, part.body  # whose stages have their own progress
-    with part.store.monitor("stiffening") as advance:
-        body = stiffen_reduced(model, reduced, advance=advance)
+    body = stiffen_reduced(part.model, part.body, advance=part.store.advance)
     return SecondOrder(body.integrals, body.markers)
 
 

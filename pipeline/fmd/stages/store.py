@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from fmd.core.cache import Cache
-from fmd.core.progress import Monitor, silent
+from fmd.core.progress import Advance, Monitor, silent
 from fmd.core.threads import one_thread
 
 T = TypeVar("T")
@@ -41,6 +41,12 @@ class StageStore:
     log: Log = field(default_factory=Log)  # records what was done
     # Results by their keys, which bodies of one part have in common.
     shared: dict[str, Any] = field(default_factory=dict)
+    computing: list[Advance] = field(default_factory=list)  # progress of each stage that is being computed
+
+    @property
+    def advance(self) -> Advance:
+        """Take the part that is done of the stage that is being computed, the innermost one."""
+        return self.computing[-1]
 
     def alone(self) -> StageStore:
         """Return a store that shares no results by their keys, for results that their keys don't describe."""
@@ -100,8 +106,12 @@ class StageStore:
         others = sum(self.log.seconds.values())
         tick = time.perf_counter()
         try:
-            with self.monitor(stage), one_thread():
-                return compute()
+            with self.monitor(stage) as advance, one_thread():
+                self.computing.append(advance)
+                try:
+                    return compute()
+                finally:
+                    self.computing.pop()
         except Exception as error:
             for text in self.remarks():
                 if text not in getattr(error, "__notes__", ()):  # of a stage that this one needs

@@ -6,6 +6,7 @@ import json
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import groupby
 
 from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
@@ -39,25 +40,37 @@ def compute_points(scenes: Mapping[str, Scene], wanted: Wanted = SUMMARY) -> Ite
     Gmsh keeps one model a process, so a worker with several threads computes one point after the other.
     """
     with _alone:
-        solved: dict[str, SolvedScene] = {}
-        for key, scene in scenes.items():
-            if fault := _find_difference(key, scene):
-                yield key, interrupted_record(fault)
-                continue
-            try:
-                solved[key] = SolvedScene(scene, like=_take_like(scene))
-            except Exception as error:
-                yield key, _record_of(error)
-                continue
-            solved[key].given.stands_alone = False  # other points run beside this one
-            _last.append(solved[key].given)
-        moving = [point.given for point in solved.values() if not point.is_open and point.scene.moves]
-        if len(moving) > 1 and (wanted.summary or any(map(takes_motion, wanted.results))):
-            with suppress(*FAULTS):  # what is wrong with a point is in its own record
-                share_growth(moving)
-                share_marches(moving)
-        for key in [*solved]:
-            yield key, _compute(solved.pop(key), wanted)
+        for flexible, alike in groupby(scenes.items(), lambda pair: pair[1].flexible):
+            points = dict(alike)
+            if flexible and not (
+                _last and _last[0].scene.flexible == flexible
+            ):  # the others take the first one's bodies
+                first = next(iter(points))
+                yield from _compute_together({first: points.pop(first)}, wanted)
+            yield from _compute_together(points, wanted)
+
+
+def _compute_together(scenes: Mapping[str, Scene], wanted: Wanted) -> Iterator[tuple[str, Record]]:
+    """Run scenes with the same flexible bodies, as `compute_points` does."""
+    solved: dict[str, SolvedScene] = {}
+    for key, scene in scenes.items():
+        if fault := _find_difference(key, scene):
+            yield key, interrupted_record(fault)
+            continue
+        try:
+            solved[key] = SolvedScene(scene, like=_take_like(scene))
+        except Exception as error:
+            yield key, _record_of(error)
+            continue
+        solved[key].given.stands_alone = False  # other points run beside this one
+        _last.append(solved[key].given)
+    moving = [point.given for point in solved.values() if not point.is_open and point.scene.moves]
+    if len(moving) > 1 and (wanted.summary or any(map(takes_motion, wanted.results))):
+        with suppress(*FAULTS):  # what is wrong with a point is in its own record
+            share_growth(moving)
+            share_marches(moving)
+    for key in [*solved]:
+        yield key, _compute(solved.pop(key), wanted)
 
 
 def _find_difference(key: str, scene: Scene) -> str:
