@@ -11,6 +11,7 @@ import pytest
 
 import fmd as package
 from fmd.core.arrays import Array
+from fmd.dynamics.compiler.compiled import CompiledMechanism
 from fmd.fitting.frozen_run import FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.fitting.sensitivities import Sensitivity
@@ -175,6 +176,26 @@ def test_tangents_are_extrapolated_differences_of_marches(method: str, make: Any
     for parameter in parameters:
         for mine, other, size in zip(tangents[parameter], differences(frozen, parameter), largest, strict=True):
             np.testing.assert_allclose(mine, other, rtol=0, atol=1e-8 * size)
+
+
+def test_motions_by_lifted_equations_are_those_of_scenes_with_these_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whose fast mass, weight, energy and accelerations are their own, though nothing is traced for the second one."""
+    tables, names = fast_slides("sub-cycling"), ["block.b.acceleration", "block.b.position", "potential_energy"]
+    tables["simulation"]["gravity"] = ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]
+    frozen = FrozenRun(package.load(tables).run)
+    numbers = [find_parameter(frozen.run.scene, key) for key in ("body.block.mass", "simulation.gravity.1")]
+    channels = find_all_channels(frozen.run, names)
+    for values in ((0.8, -5.0), (1.4, -20.0)):
+        run = frozen.at(dict(zip(numbers, values, strict=True))).run
+        found = [channel.read(run) for channel in channels]
+        monkeypatch.setattr(CompiledMechanism, "program", None)
+    monkeypatch.undo()
+    assert run.lifted
+    mass, weight = values
+    own = package.load(tables, f"body.block.mass={mass} kg", f"simulation.gravity=[0,{weight},0]").run
+    for mine, channel in zip(found, channels, strict=True):
+        expected = channel.read(own)
+        np.testing.assert_allclose(mine, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
 def read_beside(frozen: FrozenRun, parameter: Parameter, channels: Sequence[ResultChannel]) -> list[Array]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import DIFFERENCE, NEAR_DIFFERENCE, SAME_SHAPE
 from fmd.dynamics.compiled_system.closed_tangents import LinearisedAnewError
+from fmd.dynamics.compiled_system.shared import lift_system
 from fmd.dynamics.compiled_system.tangents import Direction
 from fmd.dynamics.compiler.program import LANES
 from fmd.fitting.neighbours import PartedMarch, find_all_turns, goes_in_parts, march_in_parts, march_neighbours
@@ -29,6 +31,14 @@ from fmd.scene.variants import with_first_run
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.plan import Plan, repeat_choice
 from fmd.stages.runs import plan_frozen
+
+
+class Change(NamedTuple):
+    """What a number changes of a run beside inputs of its equations."""
+
+    solves: bool  # what modes of a body depend on
+    lifts: bool  # only what lifted equations take as inputs
+    prevents: bool  # which constants are 0, of which lifted equations have no inputs
 
 
 @dataclass(frozen=True)
@@ -80,13 +90,19 @@ class FrozenRun:
         self.run = run
         self.marches = 0
         self._times = times
-        self._solving: dict[str, bool] = {}  # whether numbers, by their keys, change what modes of bodies depend on
+        self._changes: dict[str, Change] = {}  # by the numbers' keys
 
     @cached_property
     def plan(self) -> Plan:
         """The first run's plan, by the method and the step that an automatic choice ended with, exact enough."""
         plan = repeat_choice(next(iter(self.run.plans.values())), self.run.motion.trajectory)
         return replace(plan, integrator=plan.integrator.differentiable)
+
+    @cached_property
+    def _lifted(self) -> Plan:
+        """The plan by lifted equations."""
+        system = lift_system(self.plan.system)
+        return replace(self.plan, mechanism=system.mechanism, system=system)
 
     @property
     def times(self) -> Array:
@@ -108,10 +124,17 @@ class FrozenRun:
         StabilityError
             The frozen step is too long at these values.
         """
-        other, by = self._variant(values, moves), tuple(values) if by is None else tuple(by)
+        by = tuple(values) if by is None else tuple(by)
+        changes = (
+            [self._change(each, values.get(each, each.value)) for each in dict.fromkeys((*values, *by))]
+            if moves
+            else []
+        )
+        lifted = any(each.lifts for each in changes) and not any(each.prevents for each in changes)
+        other = self._variant(values, moves, lifted)
         if not moves:
             return FrozenMotion(other, values, None, by)
-        plan = plan_frozen(self.plan, other)
+        plan = self._plan(other)
         self._set_motion(other, plan, self._march(plan))
         return FrozenMotion(other, values, plan, by)
 
@@ -180,20 +203,24 @@ class FrozenRun:
 
         It is farther where bodies' modes are solved anew, whose round-off is divided by it, as long as they stay alike.
         """
-        if not self._solves_modes(motion, parameter):
+        if not self._change(parameter, self._middle(motion, parameter)).solves:
             return NEAR_DIFFERENCE
         far = self._variants(motion, parameter, DIFFERENCE)
         alike = all(_signs_of_shapes(run, motion.run) is not None for run in (far.low, far.high))
         return DIFFERENCE if alike else NEAR_DIFFERENCE
 
-    def _solves_modes(self, motion: FrozenMotion, parameter: Parameter) -> bool:
-        """Return whether a number changes what modes of a body depend on."""
-        if parameter.key not in self._solving:
-            value = (1.0 + DIFFERENCE) * self._middle(motion, parameter)
-            own, others = motion.run.wholes, self._variant({**motion.values, parameter: value}, moves=True).wholes
-            found = any(part.key("modes") != own[name].key("modes") for name, part in others.items())
-            self._solving[parameter.key] = found
-        return self._solving[parameter.key]
+    def _change(self, parameter: Parameter, value: float) -> Change:
+        """Return what a number changes of a run."""
+        if parameter.key not in self._changes:
+            own = self._variant({parameter: value}, moves=True)
+            other = self._variant({parameter: (1.0 + DIFFERENCE) * value}, moves=True)
+            solves = any(part.key("modes") != own.wholes[name].key("modes") for name, part in other.wholes.items())
+            lifts, prevents = False, False
+            if not solves and own.system.compiled.digest != other.system.compiled.digest:
+                mine, its = (lift_system(run.system).compiled for run in (own, other))
+                lifts, prevents = mine.digest == its.digest, mine.numbers.size != its.numbers.size
+            self._changes[parameter.key] = Change(solves, lifts, prevents)
+        return self._changes[parameter.key]
 
     def _sides(self, motion: FrozenMotion, beside: Beside, weight: float) -> list[Side]:
         pairs = zip((beside.low, beside.high), beside.plans, (-weight, weight), strict=True)
@@ -219,9 +246,10 @@ class FrozenRun:
                     del motion.variants[old]
             step = share * abs(middle)
             low, high = (
-                self._variant({**motion.values, parameter: middle + side * step}, moves) for side in (-1.0, 1.0)
+                self._variant({**motion.values, parameter: middle + side * step}, moves, motion.run.lifted)
+                for side in (-1.0, 1.0)
             )
-            plans = tuple(plan_frozen(self.plan, run) for run in (low, high)) if moves else ()
+            plans = (self._plan(low), self._plan(high)) if moves else ()
             motion.variants[parameter, share] = Beside(low, high, step, plans)
         return motion.variants[parameter, share]
 
@@ -254,17 +282,21 @@ class FrozenRun:
     def with_motion(self, motion: FrozenMotion, trajectory: Trajectory) -> Pipeline:
         """Return the scene's stages at the numbers of a motion, by another trajectory of the same plan."""
         assert motion.plan is not None
-        other = self._variant(motion.values, moves=True)
+        other = self._variant(motion.values, True, motion.run.lifted)
         self._set_motion(other, motion.plan, trajectory)
         return other
+
+    def _plan(self, run: Pipeline) -> Plan:
+        return plan_frozen(self._lifted if run.lifted else self.plan, run)
 
     def _march(self, plan: Plan) -> Trajectory:
         self.marches += 1
         return plan.march(self.times)
 
-    def _variant(self, values: Mapping[Parameter, float], moves: bool) -> Pipeline:
+    def _variant(self, values: Mapping[Parameter, float], moves: bool, lifted: bool = False) -> Pipeline:
         scene = change_parameters(with_first_run(self.run.scene), values)
         other = self.run.variant(scene, stiffening_loads=self.run.stiffening_loads if moves else None)
+        other.lifted = lifted
         require_like_meshes(self.run, other, values)
         return other
 

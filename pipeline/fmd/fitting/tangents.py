@@ -12,8 +12,9 @@ from fmd.core.arrays import Array
 from fmd.core.limits.fitting import TRIED_MOVES, TRIED_TIMES
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiled_system.closed_tangents import require_one_linearisation
+from fmd.dynamics.compiled_system.shared import lift_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.compiled_system.tangents import Direction, TangentSystem, Variant, lift_system, system_along
+from fmd.dynamics.compiled_system.tangents import Direction, TangentSystem, Variant, system_along
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.mechanism import Mechanism
 from fmd.fitting.neighbours import find_turns

@@ -20,7 +20,7 @@ Built = tuple["Scene", Mapping[str, FlexibleBody], Mechanism]
 """A scene without numbers of joints, its reduced bodies, and its mechanism."""
 
 
-def build_like(built: list[Built], scene: Scene, bodies: Mapping[str, FlexibleBody]) -> Mechanism:
+def build_like(built: list[Built], scene: Scene, bodies: Mapping[str, FlexibleBody], lifted: bool = False) -> Mechanism:
     """Return the mechanism of a scene as `build_mechanism` does; raises as that does.
 
     That of a scene with the same bodies, and all else the same but numbers of joints, is taken with these changed. Of
@@ -29,11 +29,11 @@ def build_like(built: list[Built], scene: Scene, bodies: Mapping[str, FlexibleBo
     bare = _without_numbers(scene)
     for other, theirs, mechanism in () if scene.closing else built:
         same = theirs.keys() == bodies.keys() and all(theirs[name] is body for name, body in bodies.items())
-        if same and other == bare:
+        if same and other == bare and mechanism.lifted is lifted:
             return with_joint_numbers(mechanism, scene)
     if built and built[0][0] != bare:
         built.clear()
-    mechanism = build_mechanism(scene, bodies)
+    mechanism = replace(build_mechanism(scene, bodies), lifted=lifted)
     built.append((bare, bodies, mechanism))
     return mechanism
 

@@ -61,7 +61,7 @@ def _build_mechanism(run: Pipeline) -> Mechanism:
     from fmd.stages.like_mechanisms import build_like
     from fmd.stages.stiffening_check import keep_what_counts, with_whole_energy
 
-    mechanism = build_like(run.built, run.divided_scene, run.bodies)
+    mechanism = build_like(run.built, run.divided_scene, run.bodies, run.lifted)
     mechanism = keep_what_counts(mechanism, run.stiffening_loads, run.scene.simulation.error)
     mechanism = with_whole_energy(mechanism) if run.whole_energy else mechanism
     if run.scene.gear_mesh:
@@ -199,7 +199,7 @@ class Pipeline:
     ) -> None:
         self.scene, self.keep_all, self.whole_energy = scene, keep_all, False
         self.while_timed: Callable[[], AbstractContextManager[None]] = nullcontext
-        self.stands_alone, self.built = True, list[Any]()
+        self.stands_alone, self.lifted, self.built = True, False, list[Any]()
         self.store = StageStore(cache or Cache(cache_folder() / "stages"), monitor, lambda: find_unusual(scene))
         self.wholes = {name: FlexiblePart(scene, name, self.store, (like or {}).get(name)) for name in scene.flexible}
         if division is not None:

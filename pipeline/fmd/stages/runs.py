@@ -187,8 +187,10 @@ def plan_like(plan: Plan, variant: Pipeline) -> Plan:
 def plan_frozen(plan: Plan, variant: Pipeline) -> Plan:
     """Plan the first run of a scene's variant by the method and the step of a run, whatever the variant's limit."""
     first = _draft_plan(variant, 0, _given_step(variant))
-    if (first.mechanism.n, len(first.mechanism.links)) == (plan.mechanism.n, len(plan.mechanism.links)):
-        first.system.compiled.trace_like(plan.system.compiled)  # may then have the run's code
+    like, own = plan.system.compiled, first.system.compiled
+    alike = (first.mechanism.n, len(first.mechanism.links)) == (plan.mechanism.n, len(plan.mechanism.links))
+    if alike and own.digest != like.digest:
+        own.trace_like(like)  # may then have the run's code
     return _leave_out_modes(variant, replace(first, integrator=plan.integrator))
 
 

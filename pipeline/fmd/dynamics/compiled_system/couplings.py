@@ -119,7 +119,8 @@ def _structure_of(compiled: CompiledMechanism) -> _Structure:
 
     Each load and motion is as large as it gets, so that no short one is missed between the samples.
     """
-    key = (compiled.digest, compiled.signals, compiled.mechanism.horizon)
+    masses = (*compiled.numbers.tolist(),) if compiled.mechanism.lifted else ()
+    key = (compiled.digest, compiled.signals, compiled.mechanism.horizon, masses)
     return _structures.get(key, lambda: _Structure(tuple(_make_samples(compiled)), compiled.mechanism.n_slow))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
+from dataclasses import replace
 from importlib import import_module
 
 from fmd.core.limits.memory import MOST_SHARED
@@ -30,6 +31,11 @@ def share_system(mechanism: Mechanism) -> CompiledSystem:
         return system
 
     return _shared.get((structure, *system.compiled.numbers.tolist()), like_another)
+
+
+def lift_system(system: CompiledSystem) -> CompiledSystem:
+    """Return the system of a mechanism that is lifted: inertia of rigid bodies, damping of modes and gravity vary."""
+    return system if system.mechanism.lifted else share_system(replace(system.mechanism, lifted=True))
 
 
 def structure_of(system: CompiledSystem) -> Hashable:

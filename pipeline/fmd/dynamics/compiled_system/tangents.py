@@ -10,7 +10,7 @@ those of the tangents, eight to each.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -20,7 +20,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.dynamics.compiled_system.closed_tangents import ClosedTangentParameters
 from fmd.dynamics.compiled_system.cycle_tangents import CycleTangents
 from fmd.dynamics.compiled_system.parameters import ClosedParameters, FrozenCycle, Leapfrog, TreeParameters
-from fmd.dynamics.compiled_system.shared import share_system
+from fmd.dynamics.compiled_system.shared import lift_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, TangentParameters
 from fmd.dynamics.compiler.compiled import CompiledMechanism
@@ -57,11 +57,6 @@ class Direction:
     # equations change: four at most, and then neither numbers nor signals.
     variants: Sequence[Variant] = ()
     lifted: bool = False  # true if these, or the variants, are those of the mechanism where it is lifted
-
-
-def lift_system(system: CompiledSystem) -> CompiledSystem:
-    """Return the system of a mechanism that is lifted: inertia of rigid bodies, damping of modes and gravity vary."""
-    return share_system(replace(system.mechanism, lifted=True))
 
 
 def system_along(system: CompiledSystem, directions: Sequence[Direction]) -> CompiledSystem:

@@ -89,6 +89,11 @@ class Coordinates:
         place = self._places.get((body, name))
         return self.graph.number(value) if place is None else self.graph.scalar_input("inputs", place)
 
+    @property
+    def fall(self) -> list[Scalar]:
+        """Acceleration of the ground that weight is like: that of gravity, upwards."""
+        return [self.number(-1, f"gravity {k}", -float(g)) for k, g in enumerate(self.mechanism.gravity)]
+
     def scaled(self, body: int, name: str, values: Array, vector: Vector) -> Vector:
         """A modal vector, each entry times a constant of a body."""
         keys = [(body, f"{name} {k}") for k in range(len(values))]

@@ -21,6 +21,8 @@ _NAMES = {"name", "joint_name", "section", "body", "part", "effort", "initial", 
 """Fields that are in no equation, or in it by a number."""
 
 
+_PLAIN = {float, int, bool, str, type(None)}
+
 _digests: WeakKeyDictionary[Mechanism, str] = WeakKeyDictionary()
 
 
@@ -104,7 +106,9 @@ def _describe_array(shape: tuple[int, ...], dtype: Any) -> bytes:
 
 def _add(pieces: list[bytes], inputs: Coordinates, value: Any) -> None:
     """Add a value's bytes, with its type and shape where another could have the same ones."""
-    if isinstance(value, np.ndarray):
+    if value.__class__ in _PLAIN:
+        pieces.append(f"{value!r};".encode())
+    elif isinstance(value, np.ndarray):
         pieces += (_describe_array(value.shape, value.dtype), value.tobytes())
     elif isinstance(value, Signal):  # an input's number, or a constant; None for the load of a prescribed joint
         number = inputs.signals.index(value) if value in inputs.signals else constant_value(value)

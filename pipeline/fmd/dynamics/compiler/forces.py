@@ -55,8 +55,7 @@ class ActingForces:
     def __init__(self, inputs: Coordinates, frames: list[MovingFrame]) -> None:
         self._inputs, self._frames, self.graph = inputs, frames, inputs.graph
         self._actions = trace_actions(inputs, frames)
-        weight = [inputs.number(-1, f"gravity {k}", -float(g)) for k, g in enumerate(inputs.mechanism.gravity)]
-        self.ground: Vector6 = [*weight, *constants(inputs.graph, [0.0] * 3)]
+        self.ground: Vector6 = [*inputs.fall, *constants(inputs.graph, [0.0] * 3)]
 
     def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
         """Return p of a body, and the terms of −e; see `bodies`."""

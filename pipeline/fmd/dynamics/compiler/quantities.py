@@ -47,7 +47,6 @@ def trace_kinetic_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Scal
 def trace_potential_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Scalar:
     """Trace the energy of modes, springs, stops and force elements, and that of the weight, 0 at the origin."""
     energies = [inputs.graph.number(0.0)]
-    gravity = constants(inputs.graph, inputs.mechanism.gravity)
     for frame in frames:
         link = frame.link
         energies.append(frame.q.dot(frame.q.multiplied_by(np.diag(link.omega**2))) * 0.5)
@@ -58,11 +57,11 @@ def trace_potential_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Sc
             energies.append(stretch * stretch * (spring * 0.5))
         for law, position in zip(link.laws, inputs.joint_positions(frame.number), strict=bool(link.laws)):
             energies.append(law.trace_energy(position + section_angle(inputs.graph, frame)))
-        if any(not g.is_zero for g in gravity):
+        if any(not g.is_zero for g in inputs.fall):
             origin, R = frame.world
             inertia = trace_inertia(inputs.graph, frame)
             moment = add(scale(inertia.mass, origin), times(R, inertia.c))
-            energies.append(-dot(gravity, moment))
+            energies.append(dot(inputs.fall, moment))
     energies += [trace_element_energy(inputs, frames, element) for element in inputs.mechanism.elements]
     return total(energies)
 

@@ -11,7 +11,7 @@ from functools import cached_property, lru_cache
 from fmd.core.limits.memory import MOST_SHARED
 from fmd.core.recently_used import RecentlyUsed
 from fmd.dynamics.closures import Place
-from fmd.dynamics.compiler.algebra import Vector3, add, constants, times
+from fmd.dynamics.compiler.algebra import subtract, times
 from fmd.dynamics.compiler.closures import ConstraintRow, trace_all_rows
 from fmd.dynamics.compiler.coordinates import ExactCoordinates
 from fmd.dynamics.compiler.digest import digest_mechanism, names_of
@@ -117,8 +117,7 @@ class RecordedMechanism:
         x = trace_motion(self.inputs, self.frames, falling)[body]
         eta = self.inputs.inputs_of_modes(body, "a")
         at = trace_place(self.inputs, self.frames, place).acceleration(x, eta)[0]
-        weight: Vector3 = constants(self.inputs.graph, self.inputs.mechanism.gravity)
-        return evaluation_of(add(at, weight))
+        return evaluation_of(subtract(at, self.inputs.fall))
 
 
 _shared: RecentlyUsed[RecordedMechanism] = RecentlyUsed(MOST_SHARED)
@@ -126,10 +125,11 @@ _shared: RecentlyUsed[RecordedMechanism] = RecentlyUsed(MOST_SHARED)
 
 @lru_cache(maxsize=MOST_SHARED)
 def record_mechanism(mechanism: Mechanism) -> RecordedMechanism:
-    """Trace a mechanism's bodies as their motion is reported, once for all mechanisms that differ in joints' numbers.
+    """Trace a mechanism's bodies as their motion is reported, once for all that differ in numbers or signals alone.
 
-    These are in the argument ``inputs``, `ExactCoordinates.columns` of each mechanism.
+    These are in the argument ``inputs``, `ExactCoordinates.columns` of each mechanism; functions name their signals.
     """
     inputs = ExactCoordinates(Graph(), mechanism)
-    key = (digest_mechanism(inputs), inputs.signals, names_of(mechanism))
+    signals = inputs.signals if mechanism.functions else len(inputs.signals)
+    key = (digest_mechanism(inputs), signals, names_of(mechanism))
     return _shared.get(key, lambda: RecordedMechanism(inputs, trace_frames(inputs)))
