@@ -18,6 +18,7 @@ from fmd.core.arrays import Array, IntArray, read_only
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.contact import COLUMNS_AT_ONCE
 from fmd.core.limits.modes import (
+    BASIS_BLOCKS,
     LANCZOS_RESIDUAL,
     LANCZOS_TRIES,
     LARGEST_OVERLAP,
@@ -29,6 +30,7 @@ from fmd.core.limits.modes import (
     ZERO_EIGENVALUE,
 )
 from fmd.core.progress import Advance
+from fmd.reduction.block_lanczos import largest_pairs
 from fmd.reduction.factor.factor import Factor, factorise
 from fmd.reduction.inertia_relief import THIN, flexibility_at, held_stiffness, rounded_defect, solve_balanced
 from fmd.reduction.missed_modes import missed_eigenvalue
@@ -263,6 +265,8 @@ class FreeBodySolver:
             if self._factor.lowest is not None and inverse is self._inverse:
                 theta, Phi = self._factor.lowest(self._M, count, size, Z)
                 values = theta + self.shift
+            elif self._factor.at_once > 1:
+                values, Phi = self._block_lanczos(count, size, Z, inverse, attempt)
             else:
                 values, Phi = self._lanczos(count, size, Z, inverse, attempt)
             known = np.concatenate([Z, Phi], axis=1)
@@ -292,6 +296,21 @@ class FreeBodySolver:
             self._K, count, self._M, self.shift, OPinv=operator, v0=start, ncv=n_vectors, tol=LANCZOS_RESIDUAL
         )
         return values, Phi
+
+    def _block_lanczos(self, count: int, n_vectors: int, Z: Array, inverse: Inverse, seed: int) -> tuple[Array, Array]:
+        block = self._factor.at_once
+        size = max(n_vectors, count + BASIS_BLOCKS * block)
+        solved, expected = itertools.count(1), 2 * size / block
+        self._advance(0.0)
+
+        def solve(f: Array) -> Array:
+            x = inverse(f)
+            self._advance(min(next(solved) / expected, 1.0))
+            return x
+
+        start = np.random.default_rng(seed).standard_normal((len(Z), block))
+        theta, Phi = largest_pairs(solve, self._M, Z, count, size, start)
+        return 1.0 / theta + self.shift, Phi
 
     def _verified_pairs(self, eigenvalues: Array, Phi: Array, expected: int, inverse: Inverse) -> EigenPairs:
         """Count the rigid-body modes, verify the others and give each its sign."""

@@ -16,7 +16,9 @@ SMALL_SYSTEM = 6000  # unknowns, below which SciPy's SuperLU with an order of it
 SHIFTED_BLOCKS = 1.2
 # Zeros, for each of which a factor's front becomes part of another: a front more takes as long as a few thousand.
 FRONT_ZEROS, SHARE_OF_ZEROS = 4000, 0.05
-FRONT_WIDTH = 384  # columns of a front: half of their own square is zero, and what is below is copied once for each
+# Of a front, columns in a panel and rows in a tile, which the kernels' text has one by one; columns in a block, whole
+# tiles, whose rows stay in the processor's nearest cache.
+PANEL, TILE, BLOCK = 4, 8, 64
 # Bytes for each nonzero of A while it is copied from one format to the next: 25 to 55 and 9 to 15 were measured.
 BYTES_FOR_CHOLMOD, BYTES_FOR_FRONTS = 60.0, 20.0
 

@@ -28,6 +28,12 @@ ROUNDED_RESIDUAL = 1e-3  # residuals beyond the limit, if round-off explains the
 # Lanczos stops at this residual: an eigenvalue is then good to its square, a shape to itself over the gap. It must
 # stay below 1e-8, where single vectors have been seen to lose one of a pair.
 LANCZOS_RESIDUAL = 1e-9
+BLOCK_RESTARTS = 100  # of the method with blocks of vectors
+PASSES = 5  # in which vectors of a block become orthonormal: two, and more where they nearly depend on one another
+SINGULAR = 1e-13  # of its diagonal: a smaller pivot of a factor is round-off
+BASIS_BLOCKS = 6  # blocks beyond the wanted modes in a basis: with 10, two solutions less of 24
+DEPENDENT = 1e-13  # of a block's vectors: what is left of them outside the basis is round-off
+EVEN = 1e-4  # ratio of squares of a block's directions, from which on one product makes them orthonormal to 1e-12
 LANCZOS_TRIES = 3  # runs of Lanczos's method, each with twice as many vectors, until no mode is missed
 MOST_DENSE = 4000  # unknowns up to which all modes are computed in half a minute
 SPARE_MODES = 3  # modes of each harmonic beyond its share

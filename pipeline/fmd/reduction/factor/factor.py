@@ -115,6 +115,7 @@ class Factor:
     # Where the factor's package has a method of its own: ``lowest(M, count, ncv, Z)`` finds the lowest eigenpairs of
     # ``A φ = θ M φ`` outside known eigenvectors Z (n, k): θ (count,), Φ (n, count) with ``Φᵀ M Φ = 1``.
     lowest: Callable[[Any, int, int, Array], tuple[Array, Array]] | None = None
+    at_once: int = 1  # loads that it solves for in the time of one
 
 
 def factorise(A: Any, solver: Solver = "auto") -> Factor:
@@ -134,8 +135,10 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
     MissingSolverError
         The solver is ``cholesky``, and cvxopt is not installed.
     AccuracyError
-        A is not positive definite.
+        A is not positive definite, or has entries that are no finite numbers.
     """
+    if not np.isfinite(A.data).all():
+        raise AccuracyError(f"{np.count_nonzero(~np.isfinite(A.data))} entries of the stiffness are no finite numbers")
     if solver == "cholesky" and find_spec("cvxopt") is None:
         raise MissingSolverError("cvxopt, which brings CHOLMOD, is not installed: pip install cvxopt, or use 'auto'")
     n = A.shape[0]
@@ -151,14 +154,15 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
         figures = FactorFigures("CHOLMOD", name, n, nonzeros, int(_BYTES["CHOLMOD"] * nonzeros))
         _refuse_too_large(figures, BYTES_FOR_CHOLMOD * A.nnz)
         return Factor(_cholmod(A, _unknowns(nodes, size)), figures)
-    from fmd.reduction.factor.multifrontal import factorise_fronts, plan_fronts, plan_stack
+    from fmd.reduction.factor.multifrontal import factorise_fronts, plan_fronts, plan_stack, widest_columns
+    from fmd.reduction.factor.panels import LANES
 
     again, fronts = plan_fronts(graph, counts, parent, size)
     figures = FactorFigures("multifrontal", name, n, nonzeros, 8 * sum(front.entries for front in fronts))
     stack = plan_stack(fronts)
-    _refuse_too_large(figures, 8.0 * stack[1] + BYTES_FOR_FRONTS * A.nnz)
+    _refuse_too_large(figures, 8.0 * (stack[1] + widest_columns(fronts)) + BYTES_FOR_FRONTS * A.nnz)
     with one_thread():
-        return Factor(factorise_fronts(A, _unknowns(nodes[again], size), fronts, stack), figures)
+        return Factor(factorise_fronts(A, _unknowns(nodes[again], size), fronts, stack), figures, at_once=LANES)
 
 
 def _unknowns(nodes: IntArray, size: int) -> IntArray:

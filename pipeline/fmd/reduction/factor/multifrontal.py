@@ -17,9 +17,11 @@ from scipy.linalg.lapack import dpotrf
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.memory import FRONT_WIDTH, FRONT_ZEROS, SHARE_OF_ZEROS
-from fmd.core.threads import one_thread
-from fmd.kernels.kernel import kernel
+from fmd.core.limits.memory import FRONT_ZEROS, SHARE_OF_ZEROS
+from fmd.core.limits.modes import SINGULAR
+from fmd.kernels.kernel import inlined, kernel
+from fmd.kernels.table import aligned
+from fmd.reduction.factor.panels import LANES, pack_front, packed_entries, padded, solve_fronts
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +36,7 @@ class Front:
     @property
     def entries(self) -> int:
         """Number of entries that are kept of it."""
-        return self.width * (self.width + len(self.below))
+        return packed_entries(self.width, len(self.below))
 
 
 def plan_fronts(graph: sp.csr_array, counts: IntArray, parent: IntArray, size: int) -> tuple[IntArray, list[Front]]:
@@ -92,13 +94,10 @@ def plan_fronts(graph: sp.csr_array, counts: IntArray, parent: IntArray, size: i
         coupled = [place[graph.indices[graph.indptr[m] : graph.indptr[m + 1]]] for m in members[node]]
         rows = np.unique(np.concatenate([*coupled, *(rows_below.pop(child) for child in children[node])]))
         rows_below[node] = rows = rows[np.searchsorted(rows, last) :]
-        below, end = (size * rows[:, None] + np.arange(size)).ravel(), size * last
-        of = tuple(number[child] for child in children[node])
-        for begin in range(size * first, end, FRONT_WIDTH):  # a wide one as several, in which less is zero
-            middle = min(begin + FRONT_WIDTH, end)
-            fronts.append(Front(begin, middle - begin, np.concatenate([np.arange(middle, end), below]), of))
-            of = (len(fronts) - 1,)
-        (number[node],), first = of, last
+        below = (size * rows[:, None] + np.arange(size)).ravel()
+        number[node] = len(fronts)
+        fronts.append(Front(size * first, size * widths[node], below, tuple(number[c] for c in children[node])))
+        first = last
     return order, fronts
 
 
@@ -122,6 +121,11 @@ def plan_stack(fronts: Sequence[Front]) -> tuple[list[int], int]:
     return [(turned if level % 2 else begins)[k] for k, level in enumerate(depth)], room
 
 
+def widest_columns(fronts: Sequence[Front]) -> int:
+    """Return the entries of the columns of the front that has most of them, its square whole."""
+    return max(front.width * (front.width + len(front.below)) for front in fronts)
+
+
 def factorise_fronts(
     A: sp.csr_array, order: IntArray, fronts: Sequence[Front], stack: tuple[list[int], int]
 ) -> Callable[[Array], Array]:
@@ -139,52 +143,65 @@ def factorise_fronts(
     Raises
     ------
     AccuracyError
-        A is not positive definite.
+        A is not positive definite, or singular to round-off; the message gives the pivot.
     """
     n = A.shape[0]
     place, local, places = (np.zeros(n, dtype=np.int64) for _ in range(3))
     place[order] = np.arange(n)
     matrix = (A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data, order.astype(np.int64), place)
     begins, room = stack
-    kept, left = np.empty(sum(front.entries for front in fronts)), np.empty(room)
+    ends = np.cumsum([0, *(front.entries for front in fronts)])
+    (L,), left, pivots = aligned(int(ends[-1])), np.empty(room), np.empty(n)
+    own, diagonal = np.empty(widest_columns(fronts)), A.diagonal()[order]
 
     def rest(k: int) -> Array:
         width = len(fronts[k].below)
         return left[begins[k] : begins[k] + width**2].reshape(width, width)
 
-    parts, begin = [], 0
     for k, front in enumerate(fronts):
-        middle, end = begin + front.width**2, begin + front.entries
-        kept[begin:end] = 0.0
-        D, B, U = kept[begin:middle].reshape(front.width, -1), kept[middle:end].reshape(front.width, -1), rest(k)
-        U[:] = 0.0
-        begin = end
+        middle, end = front.width**2, front.width * (front.width + len(front.below))
+        own[:end] = 0.0
+        D, B, U = own[:middle].reshape(front.width, -1), own[middle:end].reshape(front.width, -1), rest(k)
         _gather(*matrix, local, front.first, front.below, D, B)
         for child in front.children:
-            _extend(fronts[child].below, rest(child), local, places, D, B, U)
+            _extend_own(fronts[child].below, rest(child), local, places, D, B)
         # Columns lie in rows here, which are columns to LAPACK, and it writes into them.
         _, wrong = dpotrf(D.T, lower=1, overwrite_a=1, clean=0)
-        if wrong or np.isnan(D[-1, -1]):  # LAPACK takes a pivot that isn't a number, and makes all after it such
-            end = front.first + (wrong or front.width)
-            raise AccuracyError(f"the shifted stiffness is not positive definite: the factor ends at pivot {end}")
+        if wrong:
+            at = front.first + wrong - 1
+            raise AccuracyError(
+                f"the shifted stiffness is not positive definite: the factor ends at pivot {at + 1}, which is "
+                f"{D[wrong - 1, wrong - 1]:.1e} of a diagonal of {diagonal[at]:.1e}"
+            )
+        pivots[front.first : front.first + front.width] = D.diagonal()
         if B.size:
             dtrsm(1.0, D.T, B.T, side=1, lower=1, trans_a=1, overwrite_b=1)
-            dsyrk(-1.0, B.T, 1.0, U.T, lower=1, overwrite_c=1)
-        parts.append((slice(front.first, front.first + front.width), front.below, D.T, B))
+            dsyrk(-1.0, B.T, 0.0, U.T, lower=1, overwrite_c=1)
+            for child in front.children:
+                _extend_rest(fronts[child].below, rest(child), local, places, front.width, U)
+        pack_front(D, B, L, ends[k])
+    shares = pivots**2 / diagonal
+    worst = int(shares.argmin())
+    if not shares[worst] > SINGULAR:
+        raise AccuracyError(
+            f"the shifted stiffness is singular to round-off: pivot {worst + 1} of its factor is {shares[worst]:.1e} "
+            f"of its diagonal, which has to be above {SINGULAR:.0e}"
+        )
+    below = np.cumsum([0, *(len(front.below) for front in fronts)])
+    rows = np.concatenate([front.below for front in fronts])
+    plan = (np.array([front.first for front in fronts]), np.array([front.width for front in fronts]), below, rows, ends)
+    height = max(padded(front.width) + padded(len(front.below)) for front in fronts)
 
     def solve(f: Array) -> Array:
-        x = np.asarray(f, dtype=float).reshape(n, -1).T[:, order]
-        if not x.size:
-            return f.copy()
-        with one_thread():
-            for own, below, L, B in parts:
-                x[:, own] = y = dtrsm(1.0, L, x[:, own].T, lower=1).T
-                x[:, below] -= y @ B
-            for own, below, L, B in reversed(parts):
-                x[:, own] = dtrsm(1.0, L, (x[:, own] - x[:, below] @ B.T).T, lower=1, trans_a=1).T
-        u = np.empty_like(x)
-        u[:, order] = x
-        return np.ascontiguousarray(u.T).reshape(f.shape)
+        loads = np.asarray(f, dtype=float).reshape(n, -1)
+        u, (x, z) = np.empty_like(loads), aligned(LANES * n, LANES * height)
+        x, z = x.reshape(-1, LANES), z.reshape(-1, LANES)
+        for column in range(0, loads.shape[1], LANES):
+            some = loads[:, column : column + LANES]
+            x[:, : some.shape[1]] = some[order]
+            solve_fronts(*plan, L, x, z)
+            u[order, column : column + LANES] = x[:, : some.shape[1]]
+        return u.reshape(f.shape)
 
     return solve
 
@@ -226,20 +243,33 @@ def _gather(
 
 
 @kernel
-def _extend(rows: IntArray, left: Array, local: IntArray, places: IntArray, D: Array, B: Array, U: Array) -> None:
-    """Add what a child has left to the front of its parent."""
-    n, width, own = len(rows), len(D), 0
-    for i in range(n):
-        places[i] = local[rows[i]]
-        if places[i] < width:
-            own = i + 1
+def _extend_own(rows: IntArray, left: Array, local: IntArray, places: IntArray, D: Array, B: Array) -> None:
+    """Add what a child has left to the columns of its parent."""
+    n, width, own = len(rows), len(D), _own_rows(rows, local, places, len(D))
     for j in range(own):
         column = places[j]
         for i in range(j, own):
             D[column, places[i]] += left[j, i]
         for i in range(own, n):
             B[column, places[i] - width] += left[j, i]
-    for j in range(own, n):
+
+
+@kernel
+def _extend_rest(rows: IntArray, left: Array, local: IntArray, places: IntArray, width: int, U: Array) -> None:
+    """Add what a child has left to what its parent leaves."""
+    n = len(rows)
+    for j in range(_own_rows(rows, local, places, width), n):
         column = places[j] - width
         for i in range(j, n):
             U[column, places[i] - width] += left[j, i]
+
+
+@inlined
+def _own_rows(rows: IntArray, local: IntArray, places: IntArray, width: int) -> int:
+    """Set the places of a child's rows in its parent; returns how many of them are the parent's own."""
+    own = 0
+    for i in range(len(rows)):
+        places[i] = local[rows[i]]
+        if places[i] < width:
+            own = i + 1
+    return own

@@ -1,0 +1,109 @@
+"""Lanczos' method with blocks of vectors, for factors that solve for some loads in the time of one.
+
+References
+----------
+Grimes, Lewis & Simon, A shifted block Lanczos algorithm for solving sparse symmetric generalized eigenproblems, SIAM
+Journal on Matrix Analysis and Applications 15, 1994. Wu & Simon, Thick-restart Lanczos method for large symmetric
+eigenvalue problems, SIAM Journal on Matrix Analysis and Applications 22, 2000.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError
+from fmd.core.limits.modes import BLOCK_RESTARTS, DEPENDENT, EVEN, LANCZOS_RESIDUAL, PASSES
+
+
+def largest_pairs(
+    inverse: Callable[[Array], Array], M: Any, Z: Array, count: int, size: int, start: Array
+) -> tuple[Array, Array]:
+    """Find the largest eigenvalues of ``A⁻¹ M`` outside known eigenvectors.
+
+    Vectors are M-orthogonal to all others by two projections or more. A full basis is cut to its best Ritz vectors,
+    with which the last block goes on.
+
+    Parameters
+    ----------
+    inverse : callable
+        ``A⁻¹`` of loads (n, k).
+    M : sparse array, shape (n, n)
+        Mass matrix.
+    Z : ndarray, shape (n, k)
+        Known eigenvectors, ``Zᵀ M Z = 1``.
+    count : int
+        Number of eigenvalues wanted.
+    size : int
+        Vectors of the basis.
+    start : ndarray, shape (n, block)
+        Vectors to begin with.
+
+    Returns
+    -------
+    theta : ndarray, shape (count,)
+        Eigenvalues, descending.
+    Phi : ndarray, shape (n, count)
+        Their vectors, ``Φᵀ M Φ = 1``.
+
+    Raises
+    ------
+    AccuracyError
+        Not all have converged after many restarts.
+    """
+    (n, block), known = start.shape, Z.shape[1]
+    Q, MQ = np.empty((2, known + size + block, n))  # vectors in rows
+    Q[:known], MQ[:known] = Z.T, (M @ Z).T
+    H = np.zeros((size + block, size + block))
+    filled, restarts = known, 0
+    q, Mq, c, R = _orthonormal(inverse(M @ start).T, M, Q[:known], MQ[:known])
+    while True:
+        last, filled = filled, filled + len(q)
+        Q[last:filled], MQ[last:filled] = q, Mq
+        q, Mq, c, R = _orthonormal(inverse(Mq.T).T, M, Q[:filled], MQ[:filled])
+        new, end = slice(last - known, filled - known), filled - known
+        H[new, :end] = c[:, known:]
+        H[:end, new] = c[:, known:].T
+        theta, S = np.linalg.eigh(H[:end, :end])
+        theta, S = theta[::-1], S[:, ::-1]
+        defects = np.linalg.norm(R.T @ S[new, :count], axis=0)
+        converged = defects < LANCZOS_RESIDUAL * theta[:count]
+        if (converged.all() and end >= count) or not len(q):
+            return theta[:count], np.ascontiguousarray((S[:, :count].T @ Q[known:filled]).T)
+        if end + len(q) > size:
+            if restarts == BLOCK_RESTARTS:
+                raise AccuracyError(
+                    f"{np.count_nonzero(converged)} of {count} modes have converged after {restarts} restarts of "
+                    "Lanczos' method; ask for fewer modes"
+                )
+            kept = (count + size) // 2
+            for basis in (Q, MQ):
+                basis[known : known + kept] = S[:, :kept].T @ basis[known:filled]
+            H[:] = 0.0
+            H[range(kept), range(kept)] = theta[:kept]
+            filled, restarts = known + kept, restarts + 1
+
+
+def _orthonormal(W: Array, M: Any, Q: Array, MQ: Array) -> tuple[Array, Array, Array, Array]:
+    """Write rows as ``W = c Q + R q`` with ``q M qᵀ = 1``; returns q, ``q M``, c and R.
+
+    q has fewer rows where W depends on Q. The first pass goes by the Euclidean norm, which takes no product with M.
+    """
+    c, R, whole = np.zeros((len(W), len(Q))), np.eye(len(W)), np.einsum("ij,ij->i", W, W).max()
+    for taken in range(PASSES):
+        part = W @ MQ.T
+        W = W - part @ Q
+        c += R @ part
+        MW = (M @ W.T).T if taken else W
+        squares, V = np.linalg.eigh(W @ MW.T)
+        kept = squares > (DEPENDENT**2 * whole if taken == 0 else -np.inf)
+        if taken == PASSES - 1:
+            kept = squares > 0.5 * squares[-1]
+        sizes, V = np.sqrt(np.maximum(squares, np.finfo(float).eps * squares[-1]))[kept], V[:, kept]
+        W, MW, R = (V.T @ W) / sizes[:, None], (V.T @ MW) / sizes[:, None], (R @ V) * sizes
+        if not len(W) or (taken and squares[0] > EVEN * squares[-1]):
+            break
+    return W, MW, c, R

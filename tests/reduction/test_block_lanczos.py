@@ -1,0 +1,81 @@
+"""Lanczos' method with blocks finds what matrices have by construction: pairs and more, bases that end, none lost."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError
+from fmd.fem.assembly import assemble
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.meshes.bar import hexahedral_bar
+from fmd.reduction import block_lanczos, eigen
+from fmd.reduction.block_lanczos import largest_pairs
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.factor.factor import factorise
+
+by_fronts = partial(factorise, solver="multifrontal")
+
+
+@pytest.fixture(scope="module")
+def square_bar(steel: Material) -> FEModel:
+    """A bar of square section: each bending frequency is a pair."""
+    return assemble(SolidMesh(*hexahedral_bar(0.2, 0.02, 0.02, (8, 2, 2))), 2, steel)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_largest_are_found_with_all_of_their_multiplicity(seed: int) -> None:
+    """By construction: K = C Q λ Qᵀ Cᵀ of M = C Cᵀ; equal eigenvalues are as many as a block has vectors."""
+    rng = np.random.default_rng(seed)
+    n, known, block = int(rng.integers(12, 150)), int(rng.integers(0, 7)), int(rng.choice([2, 4, 8]))
+    count = int(rng.integers(1, max(2, (n - known) // 2)))
+    values = np.sort(np.exp(rng.uniform(0.0, 8.0, n)))
+    if seed % 2:
+        values[known : known + block] = values[known]
+    mass = np.diag(rng.random(n) + 0.1)
+    C, Q = np.sqrt(mass), np.linalg.qr(rng.standard_normal((n, n)))[0]
+    modes = np.linalg.solve(C, Q)
+    inverse = modes @ (modes / values).T
+    size = max(2 * count, count + 6 * block)
+    start = rng.standard_normal((n, block))
+    theta, Phi = largest_pairs(lambda f: inverse @ f, sp.csr_array(mass), modes[:, :known], count, size, start)
+    assert theta == pytest.approx(1.0 / values[known : known + count], rel=1e-12)
+    assert np.abs(Phi.T @ mass @ Phi - np.eye(count)).max() < 1e-11
+    assert np.abs(modes[:, :known].T @ mass @ Phi).max(initial=0.0) < 1e-11
+
+
+def test_what_does_not_converge_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(block_lanczos, "BLOCK_RESTARTS", 2)
+    inverse, start = np.diag(1.0 - 1e-9 * np.arange(200.0)), np.random.default_rng(0).standard_normal((200, 2))
+    with pytest.raises(AccuracyError, match=r"\d of 4 modes have converged after 2 restarts of Lanczos' method"):
+        largest_pairs(lambda f: inverse @ f, sp.eye_array(200, format="csr"), np.zeros((200, 0)), 4, 8, start)
+
+
+def test_modes_are_those_of_single_vectors(square_bar: FEModel) -> None:
+    single, told = FreeBodySolver(square_bar).modes(20), list[float]()
+    solver = FreeBodySolver(square_bar, factorise=by_fronts)
+    with solver.telling(told.append):
+        found = solver.modes(20)
+    assert found.omega == pytest.approx(single.omega, rel=1e-11)
+    assert told[0] == 0.0
+    assert 0.0 < told[1] < 0.2
+    assert told == sorted(told)
+
+
+@pytest.mark.parametrize("lost", [0, 6, 12])
+def test_a_mode_that_blocks_lose_is_noticed(lost: int, square_bar: FEModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave one of fifteen modes out (the last two are a pair)."""
+
+    def forgetful(inverse: object, M: object, Z: Array, count: int, *others: object) -> tuple[Array, Array]:
+        theta, Phi = largest_pairs(inverse, M, Z, count + 1, *others)  # type: ignore[arg-type]
+        return np.delete(theta, lost), np.delete(Phi, lost, axis=1)
+
+    monkeypatch.setattr(eigen, "largest_pairs", forgetful)
+    with pytest.raises(AccuracyError, match=r"Lanczos missed a mode at [\d.]+ Hz, below its highest, 3 times"):
+        FreeBodySolver(square_bar, factorise=by_fronts).modes(14)
