@@ -1,5 +1,6 @@
 """Beams from the scene file to their motion and stress, beside solids, and scenes with beams that are wrong."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import fmd
 from fmd.core.errors import InputError
 from fmd.output.frequencies import rotating_table
+from fmd.output.mechanism_view import body_surface
 from tests.stages.test_shells import swung
 
 SECTION = {"type": "rectangle", "width": "40 mm", "height": "20 mm"}
@@ -46,6 +48,25 @@ def test_turning_stiffens_a_profile_as_a_bar_of_solids(axis: list[int]) -> None:
         scene["simulation"]["stiffening"] = "on"
         found.append(rotating_table(fmd.load(scene).run, 100.0)["rotating_frequencies_hz"])
     assert found[0][:3] == pytest.approx(found[1][:3], rel=4e-3)  # the lowest 16.6 Hz at rest, 24 or 18 at 100 rad/s
+
+
+def test_a_beam_by_numbers_without_points_runs_and_says_how_to_have_stress(tmp_path: Path) -> None:
+    deck = [
+        *("*NODE", "1, 0., 0., 0.", "2, 250., 0., 0.", "3, 500., 0., 0."),
+        *("*ELEMENT, TYPE=B31, ELSET=E", "1, 1, 2", "2, 2, 3"),
+        *("*BEAM GENERAL SECTION, ELSET=E", "600., 20000., 0., 45000., 46000.", "0., 1., 0."),
+        *("*NSET, NSET=ROOT", "1", "*NSET, NSET=TIP", "3"),
+    ]
+    (tmp_path / "a.inp").write_text("\n".join(deck))
+    scene = swung({"mesh": {"file": str(tmp_path / "a.inp"), "unit": "mm", "beam": "deck"}})
+    scene["body"]["plate"] |= {"marker": {"root": {"face": "ROOT"}, "tip": {"face": "TIP"}}}
+    scene["simulation"] |= {"duration": "20 ms", "run": [{"integrator": "generalized-alpha", "step": "1 ms"}]}
+    result = fmd.load(scene)
+    assert len(result.budget.rows) > 0
+    assert not [row for row in result.budget.rows if "stress" in str(row)]
+    for ask in (lambda: result.run.stress_of("plate"), lambda: body_surface(result.run, "plate")):
+        with pytest.raises(InputError, match="sections by numbers without points, C to F of PBAR, so no stress; give"):
+            ask()
 
 
 SHAFT = {

@@ -181,7 +181,9 @@ class Comparison:
     def _choose_stress_samples(self) -> None:
         """Choose the output times at which stress is compared, and the nodes that matter."""
         frames = [choose_frames(len(self.motion.times), COMPARED_FRAMES)]
-        for name in self.run.parts:
+        for name, part in self.run.parts.items():
+            if not part.has_stress:
+                continue
             values = self.run.stress_of(name).limited_von_mises(np.arange(len(self.motion.times)))
             frames.append(np.argsort(values.max(axis=1))[-HOTTEST_FRAMES:])
             self.hot[name] = np.flatnonzero(values.max(axis=0) >= HOT * values.max())

@@ -326,6 +326,8 @@ class Estimates(Comparison):
 
         errors: dict[str, float | str] = {}
         for name, part in self.run.parts.items():
+            if not part.has_stress:
+                continue
             time, place, worst = self.run.stress_of(name).worst()
             if not worst:  # nothing moved
                 continue

@@ -112,6 +112,8 @@ def stress_quantities(
     """
     found = []
     for name, part in run.parts.items():
+        if not part.has_stress:
+            continue
         chosen = slice(None) if nodes is None else nodes[name]
         q = motion.modal(name) if as_if is None else motion.modal(name) @ as_if[name].T
         nodes_of, limitless = part.surface.nodes[chosen], run.limitless_of(name)[chosen]

@@ -80,8 +80,9 @@ def _numbers(line: BeamLine, material: AnyMaterial, cell: IntArray) -> _Numbers:
             chosen = np.intersect1d(everything[mine], np.flatnonzero(line.of[cell] == k))
             moments = (section.moments * section.bending**2)[::-1]  # ∫ y² and ∫ z²
             L = line.length[cell[chosen], None]
-            found.mass[chosen] = own.rho * section.area * L[:, 0]
-            found.radii[chosen] = np.sqrt(moments / section.area)
+            line_mass = own.rho * section.area + section.line_mass
+            found.mass[chosen] = line_mass * L[:, 0]
+            found.radii[chosen] = np.sqrt(own.rho * moments / line_mass)
             stiffness = own.E / (2 * (1 + own.nu)) * section.area * section.shear_areas(own.nu)
             found.shear[chosen] = 12 * own.E * moments / (stiffness * L**2)
     return found

@@ -13,7 +13,7 @@ from fmd.fem.cells.beam import BEAM
 from fmd.fem.cells.cell import SolidCell
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.midsurface import Midsurface
-from fmd.fem.sections import EvenSection, Section
+from fmd.fem.sections import Changed, EvenSection, Section
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class BeamLine(Midsurface):
     axes: Array  # (n_cells, 3, 3): unit vectors along each cell's beam and along y and z of its section, as rows
     start: Array  # (n_cells, 3): centroid of the section at which each begins [m]
     length: Array  # (n_cells,) [m]
-    sections: tuple[Section | EvenSection, ...]
+    sections: tuple[Section | Changed, ...]
     of: IntArray  # (n_cells,): number of each cell's section
     beam: IntArray  # (n_cells,): number of each cell's beam
     ends: IntArray  # (n_beams, 2): nodes at the ends of each beam
@@ -49,6 +49,14 @@ class BeamLine(Midsurface):
         super().__post_init__()
         for each in (self.axes, self.start, self.length, self.of, self.beam, self.ends):
             read_only(each)
+
+    def stressed(self) -> BeamLine | None:
+        """Return the line with sections whose strain gives their stress; ``None`` if one has none."""
+        found = [own.stressed() for own in self.sections]
+        known = tuple(own for own in found if own is not None)
+        if all(a is b for a, b in zip(found, self.sections, strict=True)):
+            return self
+        return replace(self, sections=known) if len(known) == len(found) else None
 
     def evenly_strained(self) -> BeamLine:
         """Return the line with sections over which strains of shear and twist are even."""

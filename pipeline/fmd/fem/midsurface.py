@@ -56,6 +56,10 @@ class Midsurface:
         held, owner = np.unique(self.owner[points], return_inverse=True)
         return Midsurface(self.nodes[held], owner)
 
+    def stressed(self) -> Midsurface | None:
+        """Return it with strains that give the body's stress, here itself; ``None`` if stress isn't known."""
+        return self
+
     def evenly_strained(self) -> Midsurface:
         """Return it with strains that interpolation between its points keeps; a shell's are so."""
         return self

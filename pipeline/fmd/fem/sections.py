@@ -13,9 +13,12 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.mesh import ROUND_CORNERS
+from fmd.core.limits.files import ISOTROPIC
+from fmd.core.limits.mesh import FULLEST_TUBE, ROUND_CORNERS
 
+NUMBERS_ALONE = "has sections by numbers without points, C to F of PBAR, so no stress; give these, or a PBARL"
 _GAUSS = 0.5 + np.sqrt(0.15) * np.arange(-1, 2), np.array([5.0, 8.0, 5.0]) / 18
+_CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,8 @@ class Section:
     points: Array  # (n_points, 2): y and z of its drawing about the centroid [m]
     quads: IntArray  # (n_quads, 4): points around each quadrilateral, counter-clockwise seen against x
     torsion: float  # Saint-Venant's torsion constant J [m⁴]
+
+    line_mass = 0.0  # mass beside the material's [kg/m]
 
     @property
     def area(self) -> float:
@@ -40,6 +45,14 @@ class Section:
     def bending(self) -> Array:
         """Factors of the curvatures about y and z that make up for the drawing, shape (2,)."""
         return np.ones(2)
+
+    def places(self, yz: Array) -> Array:
+        """Return where strain at places (…, 2) of the drawing is that of: there."""
+        return yz
+
+    def stressed(self) -> Section | Changed | None:
+        """Return the section whose strain gives its stress, here itself; ``None`` if it is drawn otherwise."""
+        return self
 
     def twisting(self, yz: Array) -> Array:
         """Return factors (…, 1), at places (…, 2), of the strain of a twist without warping.
@@ -94,21 +107,37 @@ class Section:
 
 
 @dataclass(frozen=True)
-class EvenSection:
-    """A section whose strains of shear and twist are even over it, with its own energies: interpolation keeps those."""
+class Changed:
+    """A section with something of its own in place of another's."""
 
-    of: Section | EvenSection
+    of: Section | Changed
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.of, name)
 
+
+@dataclass(frozen=True)
+class EvenSection(Changed):
+    """A section whose strains of shear and twist are even over it, with its own energies: interpolation keeps those."""
+
     def shear_shapes(self, yz: Array, nu: float) -> Array:
         """Return shear strain along y and z at places (…, 2) over the mean."""
-        return np.broadcast_to(np.sqrt(self.of.shear_areas(nu)), yz.shape)
+        return _even_shear(self, yz, nu)
 
     def twisting(self, yz: Array) -> Array:
         """Return factors (…, 1), at places (…, 2), of the strain of a twist without warping."""
-        return np.full((*yz.shape[:-1], 1), np.sqrt(self.torsion / self._drawn()[1:].sum()))
+        return _even_twist(self, yz)
+
+
+def _even_shear(section: Any, yz: Array, nu: float) -> Array:
+    """Return even factors of shear, none where there is no shear."""
+    share = section.shear_areas(nu)
+    return np.broadcast_to(np.where(np.isfinite(share), np.sqrt(share), 0.0), yz.shape)
+
+
+def _even_twist(section: Any, yz: Array) -> Array:
+    """Return even factors of the strain of a twist."""
+    return np.full((*yz.shape[:-1], 1), np.sqrt(section.torsion / section._drawn()[1:].sum()))
 
 
 @dataclass(frozen=True)
@@ -153,6 +182,80 @@ class WalledSection(Section):
     def shear_areas(self, nu: float) -> Array:
         """Return the shares of the walls' areas."""
         return np.array([self.along_y, self.along_z]) / self.area
+
+
+@dataclass(frozen=True)
+class NumberedSection(Section):
+    """A section by its numbers: rectangular tubes within one another, of its area and its moments of inertia.
+
+    Their corners aren't those of the section, whose stress is that at points of its own. Strains of shear and twist
+    are even.
+    """
+
+    shares: Array  # (2,): of the area that resist shear along y and z; infinite without shear
+    line_mass: float = 0.0  # mass beside the material's, without rotary inertia [kg/m]
+    seen: Array | None = None  # (4, 2): y and z of the points whose stress is wanted [m]
+
+    def shear_areas(self, nu: float) -> Array:
+        """Return the shares as they are given."""
+        return self.shares
+
+    def shear_shapes(self, yz: Array, nu: float) -> Array:
+        """Return shear strain along y and z at places (…, 2) over the mean."""
+        return _even_shear(self, yz, nu)
+
+    def twisting(self, yz: Array) -> Array:
+        """Return factors (…, 1), at places (…, 2), of the strain of a twist without warping."""
+        return _even_twist(self, yz)
+
+    def stressed(self) -> SeenSection | None:
+        """Return the section with the strain of its points at the corners of its drawing."""
+        return None if self.seen is None else SeenSection(self)
+
+
+@dataclass(frozen=True)
+class SeenSection(Changed):
+    """A section by its numbers whose drawn corners have the strain of its points."""
+
+    def places(self, yz: Array) -> Array:
+        """Return where strain at places (…, 2) of the drawing is that of."""
+        y, z = np.moveaxis(yz / np.abs(self.points).max(axis=0), -1, 0)
+        N = np.stack([(1 + a * y) * (1 + b * z) for a, b in _CORNERS], axis=-1) / 4
+        return np.asarray(N @ self.seen)
+
+
+def numbered_section(
+    area: float,
+    moments: tuple[float, float],
+    torsion: float,
+    shares: tuple[float, float],
+    line_mass: float = 0.0,
+    seen: Array | None = None,
+) -> NumberedSection:
+    """Return a section by area [m²], ∫ z² dA and ∫ y² dA, J [m⁴], shares of shear along y and z, and mass [kg/m].
+
+    Of n rectangular tubes around the centroid, all with the section's radii of inertia, each has the share
+    ``(1 − m²) / (1 + m²)`` of the area ``12 i_y i_z`` of a rectangle, m being its bore over its outside. A rectangle's
+    numbers give a rectangle. A share of 0 leaves the beam stiff in shear. Stress is that at points (4, 2), if any.
+    """
+    inertia = np.sqrt(np.array(moments[::-1]) / area)  # radii along y and z
+    full = area / (12 * inertia.prod())
+    stiff = np.array([share or np.inf for share in shares])
+    if abs(full - 1) <= ISOTROPIC:
+        whole = rectangular_section(*(np.sqrt(12) * inertia))
+        return NumberedSection(whole.points, whole.quads, torsion, stiff, line_mass, seen)
+    n = int(np.ceil(full / FULLEST_TUBE))
+    # apart from one another, so that they have no point in common
+    bored = full / n * (1 + (0.2 * (np.arange(n) - 0.5 * (n - 1)) / n))
+    points, quads = list[Array](), list[IntArray]()
+    k = np.arange(4)
+    after = (k + 1) % 4
+    for share in bored:
+        m = np.sqrt((1 - share) / (1 + share))
+        corners = np.sqrt(3 / (1 + m**2)) * inertia * _CORNERS
+        quads.append(np.stack([k, after, 4 + after, 4 + k], axis=1) + 8 * len(quads))
+        points += [corners, m * corners]
+    return NumberedSection(np.concatenate(points), np.concatenate(quads), torsion, stiff, line_mass, seen)
 
 
 def round_section(diameter: float, bore: float = 0.0) -> RoundSection:

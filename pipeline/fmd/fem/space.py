@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,9 +14,11 @@ import skfem
 from skfem.io.meshio import from_meshio
 
 from fmd.core.arrays import Array, IntArray, read_only
+from fmd.core.errors import InputError
 from fmd.fem.elements import ElementKind, Formulation, inverse_and_determinant, jacobians, match_nodes, shape_functions
 from fmd.fem.material import AnyMaterial
 from fmd.fem.mesh import SolidMesh, three_corners
+from fmd.fem.sections import NUMBERS_ALONE
 
 
 class BlockStructure:
@@ -117,6 +119,22 @@ class Discretisation:
     def kind(self) -> ElementKind:
         """The element on the mesh's cells."""
         return self.mesh.cell.element(self.order)
+
+    @cached_property
+    def stressed(self) -> Discretisation:
+        """It with strains that give the body's stress, those at a section's own points in place of its drawing's.
+
+        Raises
+        ------
+        InputError
+            A beam's section is known by its numbers alone.
+        """
+        line = self.mesh.midsurface
+        if line is None or (found := line.stressed()) is line:
+            return self
+        if found is None:
+            raise InputError("mesh", "beam", None, NUMBERS_ALONE)
+        return replace(self, mesh=replace(self.mesh, midsurface=found))
 
     @property
     def is_enhanced(self) -> bool:

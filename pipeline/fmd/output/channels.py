@@ -12,6 +12,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.fitting import SAME_MODE
 from fmd.core.limits.round_off import SUMMED
+from fmd.fem.sections import NUMBERS_ALONE
 from fmd.output.histories import formula_history, history_variables, number_columns
 from fmd.output.responses import compute_scene_response, response_unit
 from fmd.output.stress_fields import find_fatigue, lives_at
@@ -120,8 +121,9 @@ def _tip(run: Pipeline, origin: str) -> ResultChannel:
 
 
 def _stress(run: Pipeline, body: str, origin: str) -> ResultChannel:
-    if not run.wholes[body].has_stress:
-        raise InputError(origin, f"{body}.stress", None, f"{body} has no stress: it has no mesh")
+    if not (part := run.wholes[body]).has_stress:
+        mend = f"{body} {NUMBERS_ALONE}" if part.has_mesh else f"{body} has no stress: it has no mesh"
+        raise InputError(origin, f"{body}.stress", None, mend)
     time, node, value = run.stress_of(body).worst()
     if not value > 0.0:
         raise InputError(origin, f"{body}.stress", None, f"{body} has no stress in this motion")

@@ -10,6 +10,7 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.core.limits.shown import FLAT_MOTION, HARDLY_TURNS, WEIGHTLESS
+from fmd.fem.sections import NUMBERS_ALONE
 from fmd.output.joint_marks import Marks
 from fmd.output.rigid_shapes import shape_surfaces
 from fmd.recovery.stress import stress_measure
@@ -85,8 +86,8 @@ def body_surface(run: Pipeline, body: str) -> Surface:
 
     part = run.wholes[body]
     if not part.is_drawn:
-        fields = part.given_model.fields
-        mend = fields.not_drawn if fields else "has no surface"
+        fields = None if part.has_mesh else part.given_model.fields
+        mend = fields.not_drawn if fields else "has no surface" if not part.has_mesh else NUMBERS_ALONE
         raise InputError(run.scene.file, f"body.{body}.{part.shape.shape}", None, f"{mend}, so it has no picture")
     x = part.space.x if not run.scene.moves else run.node_positions(body)  # a part alone isn't reduced
     return Surface(x[part.surface.nodes], part.surface.triangles, part.surface.edges)

@@ -135,6 +135,7 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer
 def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer = draw_here) -> None:
     """Draw the stress at the worst instant: of the whole mechanism, or of a body alone in its own frame."""
     names = [output.body] if output.body else [name for name, part in run.wholes.items() if part.has_stress]
+    names = names or [name for name, part in run.wholes.items() if part.has_mesh]
     if not names:
         raise InputError(run.scene.file, "body", sorted(run.scene.body), "no flexible body with a mesh: no stress")
     drawn = [name for name in names if run.wholes[name].is_drawn]

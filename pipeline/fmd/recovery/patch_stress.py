@@ -83,7 +83,7 @@ def _around(
 ) -> tuple[Discretisation, AnyMaterial, Array, int]:
     """Return what `element_stresses` takes, of the elements of the one kind that has the node."""
     member = member_of(space.members, node)
-    return member.space, member.material(material), member.of_shapes(shapes), node - member.first
+    return member.space.stressed, member.material(material), member.of_shapes(shapes), node - member.first
 
 
 def energy_errors(space: AnySpace, material: AnyMaterial, shapes: Array) -> Array:

@@ -45,7 +45,7 @@ def modal_stress(space: AnySpace, material: AnyMaterial, shapes: Array, nodes: I
     found = np.zeros((len(nodes), 6, shapes.shape[2]))
     for own in space.members:
         mine = np.flatnonzero((nodes >= own.first) & (nodes < own.first + len(own.space.x)))
-        evaluate = partial(stresses, own.space, own.material(material))
+        evaluate = partial(stresses, own.space.stressed, own.material(material))
         found[mine] = average_at_nodes(own.space, own.of_shapes(shapes), nodes[mine] - own.first, evaluate)
     return found
 
@@ -98,7 +98,7 @@ def element_stress(
         is_shell = own.space.mesh.midsurface is not None and len(upper) > 0
         sides = np.asarray(upper, dtype=int)[mine] if is_shell else np.zeros(0, dtype=int)
         numbers = elements[mine] - own.first_element
-        found[mine] = _middle_stress(own.space, own.material(material), own.of_shapes(shapes), numbers, sides)
+        found[mine] = _middle_stress(own.space.stressed, own.material(material), own.of_shapes(shapes), numbers, sides)
     return found
 
 
@@ -150,7 +150,7 @@ def point_stress(space: AnySpace, material: AnyMaterial, shapes: Array, points: 
     found = np.zeros((len(points), 6, shapes.shape[2]))
     for own, mine in nearest_members(space, points):
         elements, X = locate_points(own.space, points[mine])
-        evaluate = partial(stresses, own.space, own.material(material), own.of_shapes(shapes))
+        evaluate = partial(stresses, own.space.stressed, own.material(material), own.of_shapes(shapes))
         if own.space.kind.strain_matrix is not None:
             each = zip(elements, X, strict=True)
             found[mine] = np.stack([evaluate(x[:, None], np.array([e]))[0, 0] for e, x in each])

@@ -211,7 +211,9 @@ class FlexiblePart(KeyedPart):
         """A surface with its stress: of a mesh, or of a file that gives it."""
         if isinstance(self.shape, MatrixPart):  # told without reading the matrices
             return self.shape.may_have_stress
-        return self.has_mesh or self.given_model.surface is not None
+        if self.has_mesh:
+            return all(own.midsurface is None or own.midsurface.stressed() for own in self.mesh.members)
+        return self.given_model.surface is not None
 
     @property
     def is_drawn(self) -> bool:

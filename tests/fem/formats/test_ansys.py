@@ -166,15 +166,24 @@ def test_shells_and_beams_are_those_of_the_same_deck_of_nastran(tmp_path: Path) 
         ("HREC", "0.03, 0.05, 0.002, 0.002, 0.002, 0.002", "BOX\n+,0.03,0.05,0.002,0.002"),
         ("I", "0.03, 0.03, 0.05, 0.003, 0.003, 0.002", "I\n+,0.05,0.03,0.03,0.002,0.003,0.003"),
         ("CTUBE", "0.01, 0.02", "TUBE\n+,0.02,0.01"),
+        (
+            "ASEC",
+            "6e-4, 3e-8, 1e-8, 5e-8, 0, 4e-8, 0, 0, 0, 0, 0.02, 0.03, 0.8, 0.8",
+            "PBAR,1,1,6e-4,3e-8,5e-8,4e-8\n,.01,.015,.01,-.015,-.01,.015,-.01,-.015\n,0.8,0.8,-1e-8",
+        ),
     ):
         at = np.concatenate([BAR, [[0.2, 0.3, 1.0]]])
         deck = ["ET,1,188", *nodes(at), *elements(ends, 1), f"SECTYPE,1,BEAM,{section}", f"SECDATA,{data}"]
         ours = read_beams(read(tmp_path, *deck), 1.0)
         cards = [f"GRID,{k},,{p[0]},{p[1]},{p[2]}" for k, p in enumerate(BAR.tolist(), start=1)]
         cards += [f"CBAR,{k},1,{own[0]},{own[1]},{z}" for k, (own, z) in enumerate(zip(ends, up, strict=True), start=1)]
-        nastran.write_text("\n".join(["BEGIN BULK", *cards, f"PBARL,1,1,,{card}", "ENDDATA"]))
+        own = card if card.startswith("PBAR") else f"PBARL,1,1,,{card}"
+        nastran.write_text("\n".join(["BEGIN BULK", *cards, own, "ENDDATA"]))
+        meshes = ours, read_beams(nastran, 1.0)
+        seen = [getattr(mesh.midsurface.sections[0], "seen", np.zeros(0)) for mesh in meshes]  # type: ignore[union-attr]
+        assert seen[0] == pytest.approx(seen[1])
         material = Material(70e9, 0.3, 2700.0)
-        hz = [FreeBodySolver(assemble(m, 1, material)).modes(6).omega for m in (ours, read_beams(nastran, 1.0))]
+        hz = [FreeBodySolver(assemble(m, 1, material)).modes(6).omega for m in meshes]
         assert hz[0] == pytest.approx(hz[1], rel=1e-9)
 
 

@@ -4,18 +4,30 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.fem.assembly import assemble
-from fmd.fem.beams import Beams, extrude
+from fmd.fem.beams import BeamLine, Beams, extrude
 from fmd.fem.deck_links import find_deck_links
 from fmd.fem.formats.import_beam import read_beams
 from fmd.fem.formats.import_mesh import read_mesh
 from fmd.fem.links import link_points
 from fmd.fem.material import Material
 from fmd.fem.mesh import SolidMesh
-from fmd.fem.sections import Section, box_section, i_section, rectangular_section, round_section
+from fmd.fem.model import FEModel
+from fmd.fem.sections import (
+    NumberedSection,
+    Section,
+    box_section,
+    i_section,
+    numbered_section,
+    rectangular_section,
+    round_section,
+)
+from fmd.fem.strain import TENSOR
+from fmd.recovery.stress import modal_stress
 from fmd.reduction.eigen import FreeBodySolver
 
 STEEL = Material(210e9, 0.3, 7850.0)
@@ -139,7 +151,19 @@ def test_a_mass_beside_a_beams_node_turns_with_its_section(tmp_path: Path) -> No
         (("BOX", "30.", "20.", "2.", "3."), (), "PBARL 7 has walls that differ"),
         (("BAR", "30."), (), "PBARL 7 has fewer measures"),
         (("BAR", "30.", "20.", "1."), (), "PBARL 7 has fewer measures than its type, a mass"),
-        (("BAR", "30.", "20."), ("PBAR,8,1,1.,2.,3.,4.",), "PBAR 8 has no drawing; PBARL and PBEAML are read"),
+        (
+            ("BAR", "30.", "20."),
+            ("PBAR,8,1,1.,2.,3.",),
+            "PBAR 8 has an area, a moment of inertia or a torsion constant",
+        ),
+        (("BAR", "30.", "20."), ("PBAR,8,1,1.,1-6,1-6,1.",), "PBAR 8 has moments of inertia as of a rod"),
+        (
+            ("BAR", "30.", "20."),
+            ("PBAR,8,1,9.,9.,9.,9.\n,\n,.5,.6,1.",),
+            "PBAR 8 has I12 and two factors of shear",
+        ),
+        (("BAR", "30.", "20."), ("PBEAM,8,1,9.,9.,9.,,9.\n,\n,YES,.5,9.",), "PBEAM 8 has stations, shear relief"),
+        (("BAR", "30.", "20."), ("PROD,8,1,9.",), "PROD 8; PBAR, PBEAM, PBARL and PBEAML are read"),
         (("BAR", "30.", "20."), ("CROD,90,7,1,3",), "CROD 90; CBAR and CBEAM are read"),
         (("BAR", "30.", "20."), ("CBAR,90,8,1,3,0.,0.,1.",), "CBAR 90 has no section"),
         (("BAR", "30.", "20."), ("CBAR,90,7,1,3",), "CBAR 90 has no orientation vector"),
@@ -161,6 +185,11 @@ def test_beams_that_are_not_read_are_refused_by_name(
         (("TRAPEZOID", "1, 2, 3, 4"), "with SECTION = TRAPEZOID; CIRC, PIPE"),
         (("RECT", "20"), r"\*BEAM SECTION of E1 has not the 2 measures"),
         (("I", "20, 40, 20, 30, 3, 3, 2"), "walls that differ from side to side"),
+        (("RECT", "20, 30\n*TRANSVERSE SHEAR STIFFNESS\n1., 1."), r"\*TRANSVERSE SHEAR STIFFNESS behind a section"),
+        (
+            ("RECT", "20, 30\n*BEAM GENERAL SECTION, ELSET=E1\n1., 1., 0., 1., 1., 2."),
+            r"\*BEAM GENERAL SECTION of E1 has not A, I11, I12, I22 and J alone",
+        ),
     ],
 )
 def test_sections_of_abaqus_that_are_not_read_are_refused_by_name(
@@ -168,3 +197,137 @@ def test_sections_of_abaqus_that_are_not_read_are_refused_by_name(
 ) -> None:
     with pytest.raises(InputError, match=message):
         read_beams(abaqus(tmp_path / "a.inp", section), 1e-3)
+
+
+def numbers_of(section: Section, scale: float = 1e3) -> tuple[float, float, float, float, Array]:
+    """Area, ∫ z², ∫ y² and J in the file's unit, and shares of shear."""
+    about_y, about_z = scale**4 * section.moments * section.bending**2
+    return scale**2 * section.area, about_y, about_z, scale**4 * section.torsion, section.shear_areas(STEEL.nu)
+
+
+def moved_by_nodes(fe: FEModel) -> Array:
+    """Displacements of all points by displacements and then rotations of the nodes."""
+    line = fe.discretisation.mesh.midsurface
+    assert line is not None
+    assert fe.T is not None
+    assert fe.arms is not None
+    n = 3 * len(line.nodes)
+    shown = sp.vstack([fe.T[3 * len(line.owner) :][:n], (fe.arms.turn @ fe.T)[:n]])
+    return np.asarray(np.linalg.solve(shown.toarray().T, fe.T.toarray().T).T)
+
+
+def on_nodes(mesh: SolidMesh) -> tuple[Array, Array]:
+    """Stiffness and mass by displacements and then rotations of the nodes."""
+    fe = assemble(mesh, 1, STEEL)
+    T = moved_by_nodes(fe)
+    return T.T @ fe.K @ T, T.T @ sp.kron(fe.m, np.eye(3)) @ T
+
+
+def turned_numbers(about_y: float, about_z: float, a: float) -> tuple[float, float, float]:
+    """∫ z², ∫ y² and ∫ y z of a section whose y is turned by a from the beam's first axis."""
+    mean, half = 0.5 * (about_z + about_y), 0.5 * (about_z - about_y)
+    return mean - half * np.cos(2 * a), mean + half * np.cos(2 * a), half * np.sin(2 * a)
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_a_section_by_its_numbers_has_the_matrices_of_the_drawn_one(tmp_path: Path, name: str) -> None:
+    section = SECTIONS[name][2]
+    A, about_y, about_z, J, (k_y, k_z) = numbers_of(section)
+    wanted = on_nodes(frame(section))
+    text = nastran(tmp_path / "a.bdf", SECTIONS["rectangle"][0]).read_text()
+    path = tmp_path / "b.bdf"
+    for card in (
+        f"PBAR,7,1,{A},{about_z},{about_y},{J}\n,\n,{k_y},{k_z}",
+        f"PBEAM,7,1,{A},{about_z},{about_y},,{J}\n,\n,{k_y},{k_z}",
+        f"PBEAM,7,1,{A},{about_z},{about_y},,{J}\n,\n,YES,1.,{A},{about_z},,,{J}\n,\n,{k_y},{k_z}",
+    ):
+        path.write_text(text.replace("PBARL,7,1,,BAR\n+,30.,20.", card))
+        for found, exact in zip(on_nodes(read_beams(path, 1e-3)), wanted, strict=True):
+            assert abs(found - exact).max() < 1e-12 * abs(exact).max()
+
+
+def test_numbers_of_a_section_that_stands_obliquely_turn_it(tmp_path: Path) -> None:
+    """By PBAR, ``*BEAM GENERAL SECTION``, and a mass beside the section's own."""
+    drawn, a = rectangular_section(0.02, 0.03), 0.3
+    A, about_y, about_z, J, _ = numbers_of(drawn)
+    own = numbered_section(drawn.area, (drawn.moments[0], drawn.moments[1]), drawn.torsion, (1.0, 1.0))
+    line = frame(own).midsurface
+    assert isinstance(line, BeamLine)
+    x, y, z = line.axes[np.unique(line.beam, return_index=True)[1]].transpose(1, 0, 2)
+    axes = np.stack([x, np.cos(a) * y + np.sin(a) * z, np.cos(a) * z - np.sin(a) * y], axis=1)
+    wanted = on_nodes(extrude(Beams(X / 1e3, ENDS, axes, (own,), np.zeros(4, dtype=int), {}, {})))
+    about_y, about_z, product = turned_numbers(about_y, about_z, a)
+    path = nastran(tmp_path / "a.bdf", SECTIONS["rectangle"][0])
+    heavy = f"PBAR,7,1,{A},{about_z},{about_y},{J},0.002\n,\n,1.,1.,{product}"
+    path.write_text(path.read_text().replace("PBARL,7,1,,BAR\n+,30.,20.", heavy))
+    with pytest.raises(InputError, match=r"mass of their own, NSM, whose unit is wanted: mesh\.mass_unit"):
+        read_beams(path, 1e-3)
+    length = sum(float(np.linalg.norm(X[e] - X[b])) for b, e in ENDS) / 1e3
+    mass = assemble(read_beams(path, 1e-3, mass_unit=1.0), 1, STEEL).mass
+    assert mass == pytest.approx((2.0 + STEEL.rho * drawn.area) * length, rel=1e-9)
+    path.write_text(path.read_text().replace(f"{J},0.002", f"{J},"))
+    general = abaqus(tmp_path / "a.inp", ("RECT", f"{A}, {about_y}, {product}, {about_z}, {J}"))
+    general.write_text(
+        general.read_text().replace("*BEAM SECTION", "*BEAM GENERAL SECTION").replace("=RECT", "=GENERAL")
+    )
+    points = "*SECTION POINTS\n10., 15., -10., 15., -10., -15., 10., -15."
+    general.write_text(general.read_text().replace("*NSET", points + "\n*NSET"))
+    line = read_beams(general, 1e-3).midsurface
+    assert isinstance(line, BeamLine)
+    section = line.sections[-1]
+    assert isinstance(section, NumberedSection)
+    assert section.seen is not None
+    along = TOWARDS[-1] / np.linalg.norm(TOWARDS[-1])  # the second axis is across the last beam and this, the first
+    x = line.axes[-1, 0]
+    first = along - (along @ x) * x
+    first /= np.linalg.norm(first)
+    at = section.seen @ line.axes[-1, 1:] @ np.stack([first, np.cross(x, first)]).T
+    assert 1e3 * at == pytest.approx(np.array([(10.0, 15), (-10, 15), (-10, -15), (10, -15)]))
+    for mesh in (read_beams(path, 1e-3), read_beams(general, 1e-3)):
+        for found, exact in zip(on_nodes(mesh), wanted, strict=True):
+            assert abs(found - exact).max() < 1e-11 * abs(exact).max()
+
+
+def test_stress_of_a_section_by_its_numbers_is_that_at_its_points(tmp_path: Path) -> None:
+    """Along each beam that at the corners of the box that has these numbers, and none without points."""
+    section, rng = SECTIONS["box"][2], np.random.default_rng(1)
+    A, about_y, about_z, J, (k_y, k_z) = numbers_of(section)
+    text = nastran(tmp_path / "a.bdf", SECTIONS["box"][0]).read_text()
+    box, path, extremes = read_beams(tmp_path / "a.bdf", 1e-3), tmp_path / "b.bdf", []
+    card = f"PBAR,7,1,{A},{about_z},{about_y},{J}\n,{{}}\n,{k_y},{k_z}"
+    points = "10.,15.,-10.,15.,-10.,-15.,10.,-15."
+    path.write_text(text.replace("PBARL,7,1,,BOX\n+,30.,20.,2.,2.", card.format(points)))
+    y = rng.normal(size=6 * len(X)) * 1e-5
+    for mesh in (box, read_beams(path, 1e-3)):
+        fe, line = assemble(mesh, 1, STEEL), mesh.midsurface
+        assert isinstance(line, BeamLine)
+        shapes = (moved_by_nodes(fe) @ y).reshape(-1, 3, 1)[: len(mesh.points)]
+        stress = modal_stress(fe.discretisation, STEEL, shapes, np.arange(len(mesh.points)))
+        along = np.zeros(len(mesh.points))
+        single = np.isin(line.owner, [0, 3, 4])  # nodes of one beam alone
+        for cell, axes in zip(mesh.cells, line.axes[:, 0], strict=True):
+            along[cell] = np.einsum("a,nab,b->n", axes, stress[cell][:, TENSOR, 0], axes)
+        extremes.append([(along[single & (line.owner == k)].min(), along[line.owner == k].max()) for k in (0, 3, 4)])
+    assert np.array(extremes[1]) == pytest.approx(np.array(extremes[0]), rel=1e-9)
+    path.write_text(text.replace("PBARL,7,1,,BOX\n+,30.,20.,2.,2.", card.format("")))
+    fe = assemble(read_beams(path, 1e-3), 1, STEEL)
+    with pytest.raises(InputError, match="sections by numbers without points, C to F of PBAR, so no stress"):
+        modal_stress(fe.discretisation, STEEL, np.zeros((len(fe.discretisation.x), 3, 1)), np.array([0]))
+
+
+@pytest.mark.parametrize("share", [0.0, 1e9])
+def test_a_beam_without_a_share_of_shear_is_that_of_bernoulli(share: float) -> None:
+    section = numbered_section(6e-4, (2e-8, 4.5e-8), 4e-8, (share, share))
+    ends, axes, one = np.array([(0, 1)]), np.eye(3)[None], np.zeros(1, dtype=int)
+    K, _ = on_nodes(extrude(Beams(np.array([(0.0, 0, 0), (1, 0, 0)]), ends, axes, (section,), one, {}, {})))
+    EI, G = STEEL.E * section.moments, STEEL.E / 2.6
+    wanted = [STEEL.E * 6e-4, 12 * EI[1], 12 * EI[0], G * 4e-8, 4 * EI[0], 4 * EI[1]]
+    assert np.sort(np.diag(K)) == pytest.approx(np.sort([*wanted, *wanted]), rel=1e-8)
+
+
+@pytest.mark.parametrize("full", [0.05, 0.95, 3.0])
+def test_a_section_by_its_numbers_has_them_thin_or_full(full: float) -> None:
+    area, squares = full * 72e-4, np.array([4e-4, 9e-4])
+    section = numbered_section(area, (area * squares[0], area * squares[1]), 1e-8, (0.5, 0.0))
+    assert section.area == pytest.approx(area, rel=1e-12)
+    assert section.moments == pytest.approx(area * squares, rel=1e-12)

@@ -63,14 +63,14 @@ def _local_strain(
     E, nu = material.E, material.nu
     shares, L = section.shear_areas(nu), length  # (n_elements, 1)
     kGA = shares * E / (2 * (1 + nu)) * section.area
-    bent = kGA * L / 6 / (E * section.moments[::-1] / 3 + kGA * L**2 / 36)  # α over γ₀, along y and z
+    bent = L / 6 / (E * section.moments[::-1] / 3 / kGA + L**2 / 36)  # α over γ₀, along y and z
     gamma = np.stack([slope[:, 1] - mean[:, 5], slope[:, 2] + mean[:, 4]], axis=1)  # (n_elements, 2, 24)
     xi = (2 * X[2] - 1)[:, None]
     about_y = slope[:, None, 4] + bent[:, 1, None, None] * gamma[:, None, 1] * xi
     about_z = slope[:, None, 5] - bent[:, 0, None, None] * gamma[:, None, 0] * xi
     gamma = gamma * (1 - bent * L / 6)[..., None]
     shapes, twist = section.shear_shapes(yz, nu), section.twisting(yz) * slope[:, None, 3]
-    y, z = yz[..., :1], yz[..., 1:]
+    y, z = np.split(section.places(yz), 2, axis=-1)
     by, bz = section.bending
     return np.stack(
         [

@@ -125,16 +125,21 @@ def _take(deck: Deck, keyword: str, options: dict[str, str], data: list[list[str
         case "PART":
             deck.parts += 1
         case "SHELL SECTION":
+            deck.faults = deck.thickness_faults
             deck.shells[deck.named(options.get("ELSET", ""))] = abaqus_section(options, data, deck.directions)
         case "NODAL THICKNESS":
             deck.thickness_faults += [f"*NODAL THICKNESS with {option}" for option in options]
             deck.nodal_thickness += [(_number_or_name(row[0]), read_real(row[1])) for row in data if len(row) > 1]
         case "ORIENTATION":
             deck.directions[options.get("NAME", "").casefold()] = orientation_direction(options, data)
-        case "BEAM SECTION":
-            deck.beam_sections[deck.named(options.get("ELSET", ""))] = options, data
-        case "BEAM GENERAL SECTION":
-            deck.beams.faults.append(f"*{keyword}; *BEAM SECTION is read")
+        case "BEAM SECTION" | "BEAM GENERAL SECTION":
+            deck.faults, deck.points = deck.beams.faults, []
+            points = deck.points if "GENERAL" in keyword else None
+            deck.beam_sections[deck.named(options.get("ELSET", ""))] = options, data, points
+        case "SECTION POINTS":
+            deck.points += [read_real(item) for row in data for item in row if item]
+        case "CENTROID" | "SHEAR CENTER" | "TRANSVERSE SHEAR STIFFNESS":
+            deck.faults.append(f"*{keyword} behind a section")
         case "SHELL GENERAL SECTION":
             deck.shells[deck.named(options.get("ELSET", ""))] = ShellSection(float("nan"), fault=f"*{keyword}")
         case _ if keyword in _LINKS:

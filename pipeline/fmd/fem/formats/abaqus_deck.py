@@ -47,7 +47,9 @@ class Deck:
         self.thickness_faults: list[str] = []  # options of these sections that aren't read
         self.directions: dict[str, Array | str] = {}  # of orientations, or why one isn't read
         self.beams = DeckBeams()
-        self.beam_sections: dict[str, tuple[dict[str, str], list[list[str]]]] = {}
+        self.beam_sections: dict[str, tuple[dict[str, str], list[list[str]], list[float] | None]] = {}
+        self.faults: list[str] = self.beams.faults  # of the last section, be it of shells or of beams
+        self.points: list[float] = []  # of stress in the last section of beams
         self.names: dict[str, str] = {}
         self.parts = self.instances = 0
 
@@ -118,8 +120,8 @@ class Deck:
             for b in lines
             for k in range(len(raw.blocks[b][1]))
         }
-        for name, (options, data) in self.beam_sections.items():
-            towards = take_abaqus_section(self.beams, name, options, data)
+        for name, section in self.beam_sections.items():
+            towards = take_abaqus_section(self.beams, name, *section)
             for b in lines:
                 for k in raw.cell_sets.get(name, [np.zeros(0, int)] * (b + 1))[b].tolist():
                     found[b, k] = found[b, k]._replace(section=name, towards=towards)

@@ -11,7 +11,7 @@ from fmd.core.arrays import Array
 from fmd.core.fortran import read_field
 from fmd.core.limits.files import UPRIGHT_BEAM
 from fmd.fem.formats.ansys_links import Element
-from fmd.fem.formats.beam_sections import BeamElement, DeckBeams, DrawnSection, are_alike
+from fmd.fem.formats.beam_sections import BeamElement, DeckBeams, DrawnSection, are_alike, numbers
 from fmd.fem.sections import box_section, i_section, rectangular_section, round_section
 
 
@@ -57,31 +57,47 @@ def _hollow(across: float, along: float, *walls: float) -> DrawnSection | None:
 def _i(low: float, top: float, height: float, *walls: float) -> DrawnSection | None:
     if not (are_alike(low, top) and are_alike(*walls[:2])):
         return None
-    return DrawnSection(i_section, (low, height, walls[2], walls[0]), turned=True)
+    return DrawnSection(i_section, (low, height, walls[2], walls[0]), angle=-np.pi / 2)
+
+
+def _arbitrary(
+    area: float, about_y: float, product: float, about_z: float, _warping: float, torsion: float, *more: float
+) -> DrawnSection | str:
+    """Return a section by its numbers, ASEC; y here is Ansys' z, and z its y backwards."""
+    *centres, along_z, along_y, share_z, share_y = more
+    if any(centres) or not (share_z > 0 and share_y > 0):
+        return "of type ASEC has its centroid or its shear centre off the node, or no TSxz and TSxy"
+    seen = 0.5 * np.array([(a * along_z, b * along_y) for a in (1, -1) for b in (1, -1)])
+    has_points = along_z > 0 and along_y > 0
+    second = (about_z, about_y, -product)
+    return numbers(area, second, torsion, (share_z, share_y), seen=seen if has_points else None)
 
 
 # Numbers of measures, and what they are; a beam's first axis here is Ansys' z, along which its heights are.
-_DRAWN: dict[str, tuple[int, Callable[..., DrawnSection | None]]] = {
+_DRAWN: dict[str, tuple[int, Callable[..., DrawnSection | str | None]]] = {
     "RECT": (2, lambda across, along: DrawnSection(rectangular_section, (along, across))),
     "CSOLID": (1, lambda radius: DrawnSection(round_section, (2 * radius,))),
     "CTUBE": (2, lambda inner, outer: DrawnSection(round_section, (2 * outer, 2 * inner))),
     "HREC": (6, _hollow),
     "I": (6, _i),
+    "ASEC": (14, _arbitrary),
 }
 
 
 def beam_section(deck: DeckBeams, section: AnsysSection) -> None:
     """Add the drawing of a beam's section, or what of it isn't read."""
     n, draw = _DRAWN.get(section.kind.upper(), (0, None))
-    numbers = [value for row in section.rows for value in row]
+    values = [value for row in section.rows for value in row]
     if section.of != "BEAM" or draw is None:
         deck.faults.append(f"{section.label} of type {section.kind or section.of}; {', '.join(_DRAWN)} are read")
-    elif len(numbers) < n:
+    elif len(values) < n:
         deck.faults.append(f"{section.label} has not the {n} measures of its type")
     elif (section.offset or ["CENT"])[0].upper() != "CENT" or any(read_field(each) for each in section.offset[1:]):
         deck.faults.append(f"{section.label} with SECOFFSET other than CENT")
-    elif (found := draw(*numbers[:n])) is None:
+    elif (found := draw(*values[:n])) is None:
         deck.faults.append(f"{section.label} has walls that differ from side to side")
+    elif isinstance(found, str):
+        deck.faults.append(f"{section.label} {found}")
     else:
         deck.sections[section.label] = found
 

@@ -11,7 +11,15 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.fortran import read_field, read_real
 from fmd.core.limits.files import ISOTROPIC
-from fmd.fem.sections import Section, box_section, i_section, rectangular_section, round_section
+from fmd.core.limits.mesh import FULLEST_TUBE, MOST_TUBES
+from fmd.fem.sections import (
+    Section,
+    box_section,
+    i_section,
+    numbered_section,
+    rectangular_section,
+    round_section,
+)
 
 
 class DrawnSection(NamedTuple):
@@ -19,7 +27,8 @@ class DrawnSection(NamedTuple):
 
     make: Callable[..., Section]  # makes the section of its measures [m]
     measures: tuple[float, ...]
-    turned: bool = False  # true if the section's z is along the beam's first axis, and not its y
+    angle: float = 0.0  # of the section's y from the beam's first axis, about the beam [rad]
+    line_mass: float = 0.0  # mass beside the material's, in the file's units of mass and length
 
 
 class BeamElement(NamedTuple):
@@ -39,6 +48,13 @@ class DeckBeams:
     elements: list[BeamElement] = field(default_factory=list)  # of the lines of two nodes, in the order of their blocks
     faults: list[str] = field(default_factory=list)  # what isn't read
 
+    def add_numbers(self, name: str, label: str, found: DrawnSection | str) -> None:
+        """Add a section by its numbers, or what is wrong with it."""
+        if isinstance(found, str):
+            self.faults.append(f"{label} {found}")
+        else:
+            self.sections[name] = found
+
 
 class NastranBeams:
     """Beams of Nastran, card by card."""
@@ -52,11 +68,34 @@ class NastranBeams:
         """Take the card of a beam's property; return False for another."""
         if name in ("PBARL", "PBEAML"):
             self._take_section(f"{name} {fields[0]}", fields)
-        elif name in ("PBAR", "PBEAM", "PBCOMP", "PROD", "PTUBE"):
-            self.deck.faults.append(f"{name} {fields[0]} has no drawing; PBARL and PBEAML are read")
+        elif name in ("PBAR", "PBEAM"):
+            self._take_numbers(f"{name} {fields[0]}", name == "PBAR", [*fields, *[""] * 48])
+        elif name in ("PBCOMP", "PROD", "PTUBE"):
+            self.deck.faults.append(f"{name} {fields[0]}; PBAR, PBEAM, PBARL and PBEAML are read")
         else:
             return False
         return True
+
+    def _take_numbers(self, label: str, is_bar: bool, fields: list[str]) -> None:
+        """Take a section by its numbers, alike at both ends."""
+        points, rest = fields[8:16], fields[16:]
+        if is_bar:
+            area, about_z, about_y, torsion, mass = map(read_field, fields[2:7])
+            product, rest = read_field(rest[2]), [*rest[:2], fields[7], *rest[3:]]
+        else:
+            area, about_z, about_y, product, torsion, mass = map(read_field, fields[2:8])
+            if (far := rest[0].upper()) in ("YES", "YESA", "NO"):  # a station, at the second end
+                same = [*fields[2:8], *points][: 14 if far == "YES" else 6]
+                again = rest[2 : 2 + len(same)]
+                other = any(two and read_field(one) != read_field(two) for one, two in zip(same, again, strict=True))
+                rest = ["other"] if other or read_field(rest[1]) != 1 else rest[16 if far == "YES" else 8 :]
+        if any(each not in ("", "0", "0.", "0.0") for each in rest[2:] or rest):
+            self.deck.faults.append(f"{label} has stations, shear relief, warping or inertia beside areas and moments")
+            return
+        shares = tuple(read_field(each) if each or is_bar else 1.0 for each in rest[:2])
+        seen = np.reshape([read_field(each) for each in points], (4, 2)) if any(points) else None
+        found = numbers(area, (about_y, about_z, product), torsion, shares, mass, seen)
+        self.deck.add_numbers(fields[0], label, found)
 
     def _take_section(self, label: str, fields: list[str]) -> None:
         """Take a section by its measures, all of one size along the beam."""
@@ -121,6 +160,42 @@ class NastranBeams:
         return self.deck
 
 
+def numbers(
+    area: float,
+    second: tuple[float, float, float],
+    torsion: float,
+    shares: tuple[float, ...],
+    line_mass: float = 0.0,
+    seen: Array | None = None,
+) -> DrawnSection | str:
+    """Return a section by area, ∫ z², ∫ y² and ∫ y z, J, shares of shear along y and z (0 without shear), and mass.
+
+    All are in the file's units; y and z are the beam's first and second axis, in which the points (4, 2) of its stress
+    are, too. Return what is wrong of one that isn't that of a beam.
+    """
+    about_y, about_z, product = second
+    moments, axes = np.linalg.eigh(np.array([[about_z, product], [product, about_y]]))
+    if not (area > 0 and moments[0] > 0 and torsion > 0 and line_mass >= 0 and min(shares) >= 0):
+        return "has an area, a moment of inertia or a torsion constant J that isn't positive"
+    if area**4 > 144 * (MOST_TUBES * FULLEST_TUBE) ** 2 * moments.prod():
+        return "has moments of inertia as of a rod that hardly resists bending"
+    if not product:
+        moments, axes = np.array([about_z, about_y]), np.eye(2)
+    elif shares[0] != shares[1]:
+        return "has I12 and two factors of shear, K1 and K2"
+    elif np.linalg.det(axes) < 0:
+        axes[:, 1] *= -1
+
+    def make(side: float, of_y: float, of_z: float, of_twist: float, *places: float, line_mass: float = 0.0) -> Section:
+        points = np.reshape(places, (4, 2)) if places else None
+        return numbered_section(side**2, (of_y**4, of_z**4), of_twist**4, (shares[0], shares[1]), line_mass, points)
+
+    sizes = np.array([moments[1], moments[0], torsion]) ** 0.25
+    places = [] if seen is None else (seen @ axes).ravel().tolist()
+    angle = float(np.arctan2(axes[1, 0], axes[0, 0]))
+    return DrawnSection(make, (area**0.5, *sizes.tolist(), *places), angle, line_mass)
+
+
 def are_alike(*walls: float) -> bool:
     """Return true for thicknesses that are equal but for how they are rounded."""
     return max(walls) - min(walls) <= ISOTROPIC * max(walls)
@@ -133,7 +208,7 @@ def _nastran_box(width: float, height: float, wall: float, side: float) -> Drawn
 def _nastran_i(h: float, below: float, above: float, web: float, low: float, high: float) -> DrawnSection | None:
     if not (are_alike(below, above) and are_alike(low, high)):
         return None
-    return DrawnSection(i_section, (below, h, web, low), turned=True)
+    return DrawnSection(i_section, (below, h, web, low), angle=-np.pi / 2)
 
 
 # Numbers of measures, and what they are; a beam's first axis is y, along which Nastran's heights are.
@@ -168,11 +243,25 @@ _ABAQUS: dict[str, tuple[int, Callable[..., DrawnSection | None]]] = {
 }
 
 
-def take_abaqus_section(deck: DeckBeams, name: str, options: Mapping[str, str], data: list[list[str]]) -> Array:
-    """Take Abaqus' ``*BEAM SECTION`` of an element set, and return its direction n₁."""
-    kind, label = options.get("SECTION", "").upper(), f"*BEAM SECTION of {name}"
+def take_abaqus_section(
+    deck: DeckBeams, name: str, options: Mapping[str, str], data: list[list[str]], points: list[float] | None = None
+) -> Array:
+    """Take Abaqus' ``*BEAM SECTION`` of an element set, and return its direction n₁.
+
+    With ``points``, coordinates one after the other, empty if there are none, it is ``*BEAM GENERAL SECTION``.
+    """
+    general = points is not None
+    kind = options.get("SECTION", "GENERAL" if general else "").upper()
+    label = f"*BEAM {'GENERAL ' * general}SECTION of {name}"
     rows = [[read_real(item) for item in row if item] for row in data]
-    if kind not in _ABAQUS:
+    if general and kind == "GENERAL":
+        if not rows or len(rows[0]) < 5 or any(rows[0][5:]) or len(points or ()) > 8:
+            deck.faults.append(f"{label} has not A, I11, I12, I22 and J alone, or more than four *SECTION POINTS")
+        else:
+            area, about_y, product, about_z, torsion = rows[0][:5]
+            seen = np.reshape([*points, *[0.0] * (8 - len(points))], (4, 2)) if points else None
+            deck.add_numbers(name, label, numbers(area, (about_y, about_z, product), torsion, (1.0, 1.0), 0.0, seen))
+    elif kind not in _ABAQUS:
         deck.faults.append(f"{label} with SECTION = {kind or 'none'}; {', '.join(_ABAQUS)} are read")
     elif not rows or len(rows[0]) != _ABAQUS[kind][0]:
         deck.faults.append(f"{label} has not the {_ABAQUS[kind][0]} measures of its kind")

@@ -36,12 +36,12 @@ def read_beams(path: Path, scale: float, mass_unit: float | None = None, force_u
 
 def mesh_beams(raw: RawMesh, scale: float, units: tuple[float | None, float | None]) -> SolidMesh:
     """Return the mesh of a deck that holds beams alone, its units of length, mass and force given."""
-    found = take_beams(raw, scale)
+    found = take_beams(raw, scale, units[0])
     require_one_piece(raw, np.concatenate([cells for kind, cells in raw.blocks if kind == "line"]), "beams")
     return link_taken(raw, found, extrude, scale, units)
 
 
-def take_beams(raw: RawMesh, scale: float) -> tuple[Beams, IntArray]:
+def take_beams(raw: RawMesh, scale: float, mass_unit: float | None) -> tuple[Beams, IntArray]:
     """Take the beams of a raw mesh; return the number that each point of the file has, too, -1 of no beam."""
     if not raw.beams.elements or not raw.count_elements().keys() <= {"line", "vertex"}:
         raise MeshFileError(f"mesh.beam is of beams of two nodes alone; the elements: {raw.list_elements()}")
@@ -56,7 +56,9 @@ def take_beams(raw: RawMesh, scale: float) -> tuple[Beams, IntArray]:
     if missing is not None:
         raise MeshFileError(f"{missing.label} has no section")
     drawn = [raw.beams.sections[name] for name in names]
-    sections = tuple(each.make(*(scale * one for one in each.measures)) for each in drawn)
+    if mass_unit is None and any(each.line_mass for each in drawn):
+        raise MeshFileError("has beams with mass of their own, NSM, whose unit is wanted: mesh.mass_unit")
+    sections = tuple(_section(each, scale, mass_unit) for each in drawn)
     of = np.array([names.index(element.section) for element in raw.beams.elements])
     offsets = scale * np.array([element.offsets for element in raw.beams.elements])
     x = raw.points * scale
@@ -87,6 +89,12 @@ def take_beams(raw: RawMesh, scale: float) -> tuple[Beams, IntArray]:
     return whole, place
 
 
+def _section(drawn: DrawnSection, scale: float, mass_unit: float | None) -> Section:
+    """Return the section of its measures, given the file's units of length [m] and mass [kg]."""
+    mass = {"line_mass": drawn.line_mass * (mass_unit or 1.0) / scale} if drawn.line_mass else {}
+    return drawn.make(*(scale * one for one in drawn.measures), **mass)
+
+
 def _axes(element: BeamElement, along: Array, drawn: DrawnSection, section: Section) -> Array:
     """Return unit vectors along a beam, and along y and z of its section as it is drawn, as rows (3, 3)."""
     length = float(np.linalg.norm(along))
@@ -104,4 +112,5 @@ def _axes(element: BeamElement, along: Array, drawn: DrawnSection, section: Sect
         y = np.cross(x, np.eye(3)[np.abs(x).argmin()])
     y /= np.linalg.norm(y)
     z = np.cross(x, y)
-    return np.stack([x, -z, y] if drawn.turned else [x, y, z])
+    c, s = np.cos(drawn.angle), np.sin(drawn.angle)
+    return np.stack([x, c * y + s * z, c * z - s * y])

@@ -119,7 +119,7 @@ class _Joining:
             sheet, place = take_shells(_only(raw, shells), self._scale, shell, {})
             self._add(thicken(sheet), place)
         if any(own.any() for own in lines):
-            whole, place = take_beams(_only(raw, lines), self._scale)
+            whole, place = take_beams(_only(raw, lines), self._scale, self._units[0])
             self._add(extrude(whole), place)
         firsts = np.cumsum([0, *(len(own.points) + count_nodes(own) for own in self._meshes)])
         rows = [self._rows(k, firsts) for k in range(len(self._meshes))]
