@@ -48,6 +48,8 @@ def test_help_lists_commands_as_they_are_used_and_tells_what_each_option_does(fm
 def test_an_unknown_option_is_one_message_with_the_command_that_has_it(fmd, capsys):
     assert fmd("sweep", "beam", "--vary", "simulation.step=1us,2us", "--minimise", "mass") == 2
     assert capsys.readouterr().err == "fmd: Unknown option: --minimise. It is an option of `fmd optimise`.\n"
+    assert fmd("modes", "beam", "--out", "o") == 2
+    assert "`fmd modes` writes no files; --json prints" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

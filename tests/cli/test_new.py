@@ -120,14 +120,17 @@ def test_a_file_that_exists_is_left_alone(fmd, tmp_path, capsys):
         (["file/part.toml"], "can't be written"),
         (["part.toml", "--from", "none.step"], "none.step: no such file"),
         (["part.toml", "--from", "part.docx"], "is no CAD file (.step"),
+        (["part.toml", "--from", "file"], "is no CAD file (.step"),
+        (["part.toml", "--from", "fan.msh"], 'a mesh by mesh = { file = "fan.msh", unit = "mm" }'),
     ],
 )
 def test_a_wrong_start_is_refused(fmd, arguments, said, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    Path("file").touch()
+    for name in ("file", "fan.msh"):
+        Path(name).touch()
     assert fmd("new", *arguments) == 2
     assert said in capsys.readouterr().err
-    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert {path.name for path in tmp_path.iterdir()} == {"file", "fan.msh"}
 
 
 def test_the_shell_completes_commands_and_options(fmd, tmp_path, capsys):

@@ -137,6 +137,7 @@ def test_a_link_becomes_a_flexible_bar_of_its_box(folder: Path, fmd) -> None:
         (ARM.replace('value="2.5"', 'value="heavy"'), [], "link upper: can't be read"),
         (ARM.replace('joint name="slide"', 'joint name="shoulder"'), [], "two are called 'shoulder'"),
         (ARM.replace('parent link="base_link"', 'parent link="tool0"'), [], "doesn't carry: fore.arm, tool0, upper"),
+        ('<robot name="ur" xmlns:xacro="http://wiki.ros.org/xacro"/>', [], "a file for xacro has none"),
         (ARM.replace('child link="fore.arm"', 'child link="upper"'), [], "carried by none: base_link, fore.arm; twice"),
         ('<robot><link name="cup"/></robot>', [], "it is no robot"),
         (ARM, ["--flexible", "elbow"], "is no moving link"),

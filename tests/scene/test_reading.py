@@ -292,7 +292,7 @@ def test_a_binary_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_folder_is_refused(tmp_path: Path) -> None:
-    with refused("is a folder; give the scene file in it"):
+    with refused("is a folder; give the scene file, e.g. part.toml"):
         load_scene(tmp_path / ".")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.core.errors import InputError
 from fmd.integrators.protocol import evaluate
 from fmd.output.mechanism_figures import loop_warnings
 
@@ -40,6 +42,38 @@ gravity = ["1 m/s^2", "0 m/s^2", "-9.7 m/s^2"]
 tip = "door.handle"
 run = [{ integrator = "runge-kutta", tolerance = 1e-10 }]
 """
+
+PRESS: dict[str, Any] = {
+    "title": "Crank press",
+    "body": {
+        "crank": {
+            "shape": "rod",
+            "mass": "0.8 kg",
+            "length": "40 mm",
+            "marker": {"shaft": {"at": ["0 mm", "0 mm", "0 mm"]}, "pin": {"at": ["40 mm", "0 mm", "0 mm"]}},
+        },
+        "rod": {
+            "shape": "rod",
+            "mass": "0.4 kg",
+            "length": "160 mm",
+            "marker": {"big": {"at": ["0 mm", "0 mm", "0 mm"]}, "small": {"at": ["160 mm", "0 mm", "0 mm"]}},
+        },
+        "ram": {"shape": "point", "mass": "2 kg", "marker": {"pin": {"at": ["0 mm", "0 mm", "0 mm"]}}},
+    },
+    "joint": {
+        "shaft": {"type": "revolute", "parent": "ground", "child": "crank.shaft", "axis": [0, 0, 1]},
+        "big_end": {"type": "revolute", "parent": "crank.pin", "child": "rod.big", "axis": [0, 0, 1]},
+        "guide": {"type": "prismatic", "parent": "ground", "child": "ram.pin", "axis": [0, -1, 0]},
+        "small_end": {"type": "revolute", "parent": "rod.small", "child": "ram.pin", "axis": [0, 0, 1]},
+    },
+    "drive": {"crank": {"type": "motion", "joint": "shaft", "angle": {"formula": "31.4*t", "unit": "rad"}}},
+    "simulation": {
+        "duration": "20 ms",
+        "output_step": "1 ms",
+        "tip": "rod.small",
+        "run": [{"integrator": "runge-kutta"}],
+    },
+}
 
 BAR = """
 title = "Bar on two bearings"
@@ -273,3 +307,17 @@ def test_the_suspension_corner_gives_way_and_comes_back(tmp_path: Path) -> None:
     assert travel[:, 0].min() < -1e-4
     assert np.abs(travel[-1]).max() < 1e-5
     assert motion.constraint_residual < 1e-12
+
+
+@pytest.mark.parametrize(("position", "side"), [("-120 mm", -1), ("120 mm", 1)])
+def test_a_crank_press_says_in_which_ways_it_closes(position: str, side: int) -> None:
+    """At its dead point it can't tell them apart: the ram is at ±√(160² − 40²) mm and the rod as far off the axis."""
+    with pytest.raises(InputError, match=r"guide.position = '154.9 mm', or .*'104.5 deg' .* = '-154.9 mm'"):
+        _ = Pipeline(load_scene(PRESS)).start
+    run = Pipeline(load_scene(PRESS, [f"joint.guide.position={position}"]))
+    assert run.start[0][1] == pytest.approx(side * np.sqrt(0.16**2 - 0.04**2), abs=1e-12)
+    *_, ways = loop_warnings(run)
+    assert ways["code"] == "closing-ways"
+    assert re.findall(r"'(-?[\d.]+) mm'", ways["text"]) == [f"{side * 154.9:.1f}", f"{-side * 154.9:.1f}"]
+    near = [f"joint.guide.position={side * 150} mm", f"joint.big_end.angle={-side * 100} deg"]
+    assert "closing-ways" not in {warning["code"] for warning in loop_warnings(Pipeline(load_scene(PRESS, near)))}

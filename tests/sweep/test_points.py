@@ -100,7 +100,7 @@ def test_a_latin_hypercube_has_a_point_in_each_part_of_every_range():
     assert sample_variations(texts, "random", 10, 3) == sample_variations(texts, "random", 10, 3)
     assert sample_variations(texts, "random", 10, 3) != sample_variations(texts, "random", 10, 4)
     for wrong in (["a=1,2"], ["a=1..2:3"], ["a=1..2", "a=2..3"]):
-        with pytest.raises(InputError, match="only range of its key"):
+        with pytest.raises(InputError, match=r"only range of its key|leave out :3"):
             sample_variations(wrong, "random", 10, 3)
     with pytest.raises(InputError, match="--points"):
         sample_variations(texts, "random", 1, 3)

@@ -91,6 +91,10 @@ def _find_elsewhere(error: CycloptsError) -> str:
     if not isinstance(error, UnknownOptionError) or not error.token.keyword:
         return ""
     option = error.token.keyword.partition("=")[0]
+    called = (error.command_chain or [""])[0]
+    if option == "--out" and called != "new":  # which all that write files have
+        writes_none = f" `fmd {called}` writes no files; --json prints all of its results"
+        return f"{writes_none}, and `fmd run` writes what the scene's outputs list."
     commands = [place.partition(":")[0] for place in _COMMANDS]
     having = [
         name for name in commands if any(option in each.names for each in app[name].assemble_argument_collection())

@@ -75,6 +75,11 @@ def _make_scene(part: str, path: Path, flexible: tuple[str, ...], assembly: bool
         return text
     if is_cad_file(Path(part)):
         return write_cad_scene(Path(part), path)
+    file = Path(part)
+    if file.suffix and file.is_file():
+        table = f'mesh = {{ file = "{file.name}", unit = "mm" }}'
+        mend = f"is no CAD file and no robot; a body has a mesh by {table}, whose faces fmd mesh {part} --unit mm names"
+        raise InputError("--from", "", part, mend)
     mend = suggest_name(part, list_ready_scenes(), "the ready scenes")
     raise InputError(
         "--from",

@@ -31,6 +31,8 @@ def read_urdf(path: Path) -> Robot:
     """
     top = read_robot_xml(path, "robot", "URDF")
     links, joints = _read_each(path, top, "link", _read_link), _read_each(path, top, "joint", _read_joint)
+    if not links:
+        raise InputError(str(path), "link", None, "is missing: a file for xacro has none until that has run")
     carried = [joint.child for joint in joints.values()]
     for joint in joints.values():
         for end in (joint.parent, joint.child):

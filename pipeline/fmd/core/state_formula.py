@@ -97,7 +97,7 @@ class _StateReader(TimeReader):
     def choose(self, test: ast.expr, then: Part, other: Part) -> Part:
         """Translate ``then if t < c else other``, with a weight that is a formula of the time."""
         if not _names_in(test) <= OF_TIME:
-            mend = "of the state, min, max, abs and tanh can choose"
+            mend = "of the state, min, max, abs and tanh can choose, e.g. (1 + tanh((x - x0)/width))/2 for x > x0"
             raise ValueError(f"at column {test.col_offset + 1}: a condition compares t with a constant; {mend}")
         weight = ast.IfExp(test=test, body=ast.Constant(1.0), orelse=ast.Constant(0.0))
         switch = self._variable(TimeReader().formula(ast.fix_missing_locations(ast.copy_location(weight, test))))

@@ -10,7 +10,9 @@ from fmd.core.limits.mechanism import MOVED_BY_CLOSING
 from fmd.core.limits.stability import GROWS, SHOWN_MULTIPLIERS, STRONG
 from fmd.dynamics.compiler.closures import closed_distances
 from fmd.dynamics.vibration import inertial_coupling
-from fmd.stages.assembly import constraint_rank, given_joints
+from fmd.stages.assembly import constraint_rank
+from fmd.stages.closing_ways import describe_ways
+from fmd.stages.loop_closing import given_joints
 from fmd.stages.pipeline import Pipeline
 
 
@@ -81,9 +83,12 @@ def loop_warnings(run: Pipeline) -> list[dict[str, str]]:
                 unit = f"{link.unit}/s" if key == "rate" else link.unit
                 text = (
                     f"joint.{link.joint_name}.{key} is {taken[at]:.6g} {unit} at the start in place of "
-                    f"{given[at]:.6g}: the loops don't close otherwise"
+                    f"{given[at]:.6g}: so the loops close"
                 )
                 found.append({"code": "start-moved", "text": text})
+    if ways := describe_ways(run.divided_scene, mechanism):
+        text = f"the loops close far from where joints start, and not in one way: {ways}; the first is taken"
+        found.append({"code": "closing-ways", "text": text})
     return found
 
 

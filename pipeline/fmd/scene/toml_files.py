@@ -64,7 +64,7 @@ def read_with_lines(source: Traversable) -> tuple[dict[str, Any], Mapping[KeyPat
 def _read(file: str, source: Traversable) -> str:
     try:
         if source.is_dir():
-            raise InputError(file, "", None, "is a folder; give the scene file in it")
+            raise InputError(file, "", None, "is a folder; give the scene file, e.g. part.toml")
         if not source.is_file():
             raise InputError(file, "", None, f"no such file; the ready scenes: {', '.join(list_ready_scenes())}")
         with source.open("rb") as stream:

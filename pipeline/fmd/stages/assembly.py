@@ -15,24 +15,30 @@ from fmd.core.limits import newton as limits
 from fmd.core.limits.mechanism import ALONG_AXIS
 from fmd.core.limits.newton import AWAY, DRIVEN_MOMENTS, SPREAD, TRIED
 from fmd.core.limits.rank import IDLE, RANK
-from fmd.core.newton import Tolerance, largest, solve
+from fmd.core.newton import largest
 from fmd.dynamics.closures import Closure
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiler.closures import ConstraintRow, OpenConstraintError
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.linear_forces import gather_linear_forces
 from fmd.dynamics.state_functions import StateFunction
 from fmd.integrators.protocol import move_positions
 from fmd.scene.joints.any_joint import Joint, kinds_that
-from fmd.scene.joints.joint import POSITION_KEYS, RATE_KEYS
-from fmd.stages.parent_joint import joint_axes
+from fmd.stages.closing_ways import describe_ways
+from fmd.stages.loop_closing import (
+    close_by,
+    close_loops,
+    flexibility,
+    given_joints,
+    joint_rates,
+    loose_rates,
+    open_residual,
+    residuals,
+)
 from fmd.stages.run_checks import require_inertia
 
 if TYPE_CHECKING:
     from fmd.dynamics.mechanism import Mechanism
     from fmd.scene.scene import Scene
-
-_CLOSING = Tolerance(limits.CLOSING_CORRECTIONS, residual=limits.CLOSED, stalled=limits.OPEN)
 
 
 def assemble(scene: Scene, mechanism: Mechanism) -> Mechanism:
@@ -50,8 +56,8 @@ def assemble(scene: Scene, mechanism: Mechanism) -> Mechanism:
     try:
         system = CompiledSystem(rigid)
         require_inertia(scene, system)
-        groups = [columns for columns in (_loose(scene, rigid, "position"), np.arange(rigid.n)) if len(columns)]
-        q = _close(system, q, groups)
+        groups = [columns for columns in (loose_rates(scene, rigid, "position"), np.arange(rigid.n)) if len(columns)]
+        q = close_loops(system, q, groups)
     except OpenConstraintError as error:
         advice = _advise(scene.joint[error.joint], error.number)
         raise InputError(scene.file, f"joint.{error.joint}", None, f"{error}; {advice}") from error
@@ -81,21 +87,6 @@ def _advise(joint: Joint, number: int) -> str:
     return f"{advice}, or take a joint that leaves this free: {freer}" if freer and constraint else advice
 
 
-def given_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
-    """Return positions (n_positions,) and rates (n,) of the undeformed mechanism, its joints as the scene has them."""
-    q0, v0 = mechanism.rest_positions, np.zeros(mechanism.n)
-    for k, link in enumerate(mechanism.links):
-        at, first = mechanism.layout.position[k], mechanism.layout.rate[k]
-        if isinstance(link.state, float):
-            v0[first] = link.state
-        elif link.motion is None and link.state is None:
-            joint = scene.joint[link.joint_name]
-            positions, rates = joint.start(joint_axes(scene, joint).in_child)
-            q0[at : at + len(positions)] = positions
-            v0[first : first + len(rates)] = rates
-    return q0, v0
-
-
 def start_controllers(mechanism: Mechanism, q: Array, v: Array) -> Array:
     """Return the rates (n,) of a start with the controllers' states as the bodies' motion asks for."""
     v = v.copy()
@@ -117,10 +108,10 @@ def close_start(scene: Scene, system: CompiledSystem, q: Array, v: Array) -> tup
     for link, at in zip(mechanism.links, mechanism.layout.position, strict=True):
         if link.name in mechanism.assembled:
             q[at : at + link.n_positions] = mechanism.assembled[link.name]
-    joints = _joint_rates(mechanism)
-    q = _close(system, q, [_loose(scene, mechanism, "position"), joints, np.arange(mechanism.n)])
+    joints = joint_rates(mechanism)
+    q = close_loops(system, q, [loose_rates(scene, mechanism, "position"), joints, np.arange(mechanism.n)])
     _require_closed(scene, system, q)
-    v = _allow(system, q, v, [_loose(scene, mechanism, "rate"), joints, np.arange(mechanism.n)])
+    v = _allow(system, q, v, [loose_rates(scene, mechanism, "rate"), joints, np.arange(mechanism.n)])
     _, rates = system.compiled.residuals(0.0, q, v)
     worst = int(np.abs(rates).argmax()) if len(rates) else 0
     if len(rates) and np.abs(rates[worst]) > limits.OPEN * max(1.0, largest(v)):
@@ -132,26 +123,9 @@ def close_start(scene: Scene, system: CompiledSystem, q: Array, v: Array) -> tup
     return q, v
 
 
-def _joint_rates(mechanism: Mechanism) -> IntArray:
-    """Rates of all joints."""
-    parts = [np.arange(at, at + link.n_rates) for link, at in zip(mechanism.links, mechanism.layout.rate, strict=True)]
-    return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
-
-
-def _loose(scene: Scene, mechanism: Mechanism, what: str) -> IntArray:
-    """Rates of the joints whose ``position`` or ``rate`` the scene leaves open."""
-    keys = POSITION_KEYS if what == "position" else {*RATE_KEYS}
-    parts = [
-        np.arange(at, at + link.n_rates)
-        for link, at in zip(mechanism.links, mechanism.layout.rate, strict=True)
-        if link.state is None and not keys & scene.joint[link.joint_name].given_keys
-    ]
-    return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
-
-
 def following_joints(scene: Scene, mechanism: Mechanism) -> list[IntArray]:
     """Rates of the joints whose position the scene leaves open, if there are such, and those of all joints."""
-    loose, every = _loose(scene, mechanism, "position"), _joint_rates(mechanism)
+    loose, every = loose_rates(scene, mechanism, "position"), joint_rates(mechanism)
     return [loose, every] if 0 < len(loose) < len(every) else [every]
 
 
@@ -161,69 +135,9 @@ def free_directions(system: CompiledSystem, q: Array) -> Array:
     return np.asarray(vectors[constraint_rank(system, q) :].T)
 
 
-def _close(system: CompiledSystem, q: Array, groups: Sequence[IntArray], t: float = 0.0) -> Array:
-    """Close the residuals by the first group of coordinates that can; else return where the last one leaves them."""
-    closed, weights = q, _flexibility(system)
-    for columns in groups:
-        closed = _close_by(system, q, columns, weights, t)
-        if _residual(system, closed, t) <= limits.OPEN:
-            return closed
-    return closed
-
-
-def _flexibility(system: CompiledSystem) -> Array:
-    """Return how readily coordinates move to close residuals: joints at once, modes by their static compliance."""
-    stiffness = np.maximum(gather_linear_forces(system.mechanism.links, system.mechanism.layout).own, 0.0)
-    weights = np.ones(system.n)
-    for k, link in enumerate(system.mechanism.links):
-        modes = system.mechanism.modes_of(k)
-        weights[modes] = link.omega.min(initial=np.inf) / np.sqrt(np.maximum(stiffness[modes], 1e-300))
-    return weights
-
-
-def _residuals(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
-    return system.compiled.residuals(t, q, np.zeros(system.n))[0]
-
-
-def _residual(system: CompiledSystem, q: Array, t: float = 0.0) -> float:
-    return largest(_residuals(system, q, t))
-
-
-def close_pose(system: CompiledSystem, t: float, q: Array, kept: int | None = None) -> Array | None:
-    """Return positions near q (n_positions,) at which all loops are closed at a time [s]; ``None`` if there are none.
-
-    Bodies deform only where joints alone can't do it. The coordinate of the rate ``kept`` stays as it is.
-    """
-    if not system.mechanism.closures:
-        return q
-    fixed = [] if kept is None else [kept]
-    groups = [np.setdiff1d(columns, fixed) for columns in (_joint_rates(system.mechanism), np.arange(system.n))]
-    closed = _close(system, q, groups, t)
-    return closed if _residual(system, closed, t) <= limits.OPEN else None
-
-
-def _close_by(system: CompiledSystem, q: Array, columns: IntArray, weights: Array, t: float = 0.0) -> Array:
-    """Move some coordinates by Newton's method, the least motion first, in halved steps where a residual would grow."""
-
-    def correction(q: Array, left: Array) -> Array:
-        J = system.compiled.constraint_jacobian(t, q)[:, columns] * weights[columns]
-        change = np.zeros(system.n)
-        change[columns] = -weights[columns] * np.linalg.lstsq(J, left, rcond=limits.DEPENDENT_DIRECTION)[0]
-        return change
-
-    return solve(
-        q,
-        lambda q: _residuals(system, q, t),
-        correction,
-        lambda q, change: move_positions(system.parameters, q, change),
-        _CLOSING,
-        accepts=lambda trial: largest(trial.after) < largest(trial.before),
-    ).state
-
-
 def _allow(system: CompiledSystem, q: Array, v: Array, groups: Sequence[IntArray]) -> Array:
     """Change the rates of the first group that can let all residuals stay closed."""
-    J, weights = system.compiled.constraint_jacobian(0.0, q), _flexibility(system)
+    J, weights = system.compiled.constraint_jacobian(0.0, q), flexibility(system)
     for columns in groups:
         changed = v.copy()
         for _ in range(2):
@@ -237,15 +151,18 @@ def _allow(system: CompiledSystem, q: Array, v: Array, groups: Sequence[IntArray
 
 
 def _require_closed(scene: Scene, system: CompiledSystem, q: Array) -> None:
-    g = _residuals(system, q)
+    g = residuals(system, q)
     worst = int(np.abs(g).argmax()) if len(g) else 0
     if len(g) and abs(g[worst]) > limits.OPEN:
         row = system.compiled.rows[worst]
         size = f"{np.degrees(abs(g[worst])):.4g} degrees" if row.rotational else f"{abs(g[worst]):.4g} m"
-        mend = (
-            f"can't close its loop: a residual of {size} is left; check lengths, places and axes of the loop, "
-            "or give joints a position nearer to the closed one"
-        )
+        if ways := describe_ways(scene, replace(system.mechanism, assembled={})):
+            mend = f"can't close its loop from where its joints start; it closes with {ways}: give one of them"
+        else:
+            mend = (
+                f"can't close its loop: a residual of {size} is left; check lengths, places and axes of the loop, "
+                "or give joints a position nearer to the closed one"
+            )
         raise InputError(scene.file, f"joint.{row.name}", None, mend)
 
 
@@ -263,13 +180,13 @@ def _require_freedom(scene: Scene, system: CompiledSystem, q: Array) -> None:
 def _require_one_way(scene: Scene, rigid: CompiledSystem, q: Array) -> None:
     """Raise ``InputError`` if more constraints are independent close by than at the positions of the start."""
     rank = constraint_rank(rigid, q)
-    if _residual(rigid, q) > limits.OPEN or rank == rigid.n:
+    if open_residual(rigid, q) > limits.OPEN or rank == rigid.n:
         return
     for direction in free_directions(rigid, q).T:
-        near = _close_by(
+        near = close_by(
             rigid, move_positions(rigid.parameters, q, AWAY * direction), np.arange(rigid.n), np.ones(rigid.n)
         )
-        if _residual(rigid, near) <= limits.OPEN and (others := constraint_rank(rigid, near)) > rank:
+        if open_residual(rigid, near) <= limits.OPEN and (others := constraint_rank(rigid, near)) > rank:
             mend = (
                 f"the start is a singular position: {rank} constraints are independent there and {others} close by, so "
                 "that it isn't known which way the mechanism goes; start it a little off"
@@ -285,8 +202,8 @@ def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) ->
     random, states = np.random.default_rng(0), [q]
     for _ in range(TRIED):
         moved = move_positions(rigid.parameters, q, random.uniform(-SPREAD, SPREAD, rigid.n))
-        moved = _close_by(rigid, moved, np.arange(rigid.n), np.ones(rigid.n))
-        states += [moved] if _residual(rigid, moved) <= limits.OPEN else []
+        moved = close_by(rigid, moved, np.arange(rigid.n), np.ones(rigid.n))
+        states += [moved] if open_residual(rigid, moved) <= limits.OPEN else []
     system = CompiledSystem(mechanism)
     largest = np.zeros(len(system.compiled.rows))
     for state in states:

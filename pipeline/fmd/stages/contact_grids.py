@@ -13,7 +13,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.contact import GRID_MARGIN, RESOLVED_BY_MESH
 from fmd.dynamics.kinematics import Kinematics
-from fmd.stages.assembly import given_joints
+from fmd.stages.loop_closing import given_joints
 
 if TYPE_CHECKING:
     from fmd.dynamics.mechanism import Mechanism

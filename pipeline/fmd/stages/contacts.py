@@ -14,11 +14,11 @@ from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
 from fmd.fem.surface import surface_facets, surface_topology
-from fmd.stages.assembly import given_joints
 from fmd.stages.contact_deformation import ContactDeformation
 from fmd.stages.contact_grids import StartPose, refine_near_field
 from fmd.stages.contact_steps import require_steps_of_modes
 from fmd.stages.equilibrium import find_equilibrium, rest_without_friction
+from fmd.stages.loop_closing import given_joints
 from fmd.stages.markers import find_marker_facets
 from fmd.stages.rigid_contacts import add_rigid_contact, first_points, plane_of, rigid_surface
 

@@ -24,11 +24,12 @@ from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals
 from fmd.scene.loads import JointDrive, MarkerLoad, find_motion
 from fmd.scene.modes import damping_ratios
-from fmd.stages.assembly import assemble, close_start, following_joints, given_joints, start_controllers
+from fmd.stages.assembly import assemble, close_start, following_joints, start_controllers
 from fmd.stages.controllers import add_controllers
 from fmd.stages.division import part_of
 from fmd.stages.equilibrium import find_closed_steady_state, find_equilibrium, rest_without_friction
 from fmd.stages.force_elements import add_elements, joint_laws
+from fmd.stages.loop_closing import given_joints
 from fmd.stages.parent_joint import ground_place, joint_axes, place_axes, read_parent_joint
 from fmd.stages.signals import require_sound_drives, signal_of
 from fmd.stages.state_functions import FunctionBuilder, require_values_at_start

@@ -13,7 +13,7 @@ from fmd.core.arrays import Array
 from fmd.core.limits.shown import MOST_BENT, POSES_OF_A_JOINT
 from fmd.integrators.protocol import State, Trajectory
 from fmd.recovery.motion import Motion
-from fmd.stages.assembly import close_pose
+from fmd.stages.loop_closing import close_pose
 
 if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline

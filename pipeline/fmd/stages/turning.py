@@ -296,19 +296,25 @@ class TurningRotor:
 
 
 def require_one_axis(scene: Scene) -> None:
-    """Check that no second hinge on the ground, off the hub's axis, holds what turns on the hub: before it is reduced.
+    """Check that a hinge on the ground carries the first part, and none beside it, before anything is reduced.
 
     Raises
     ------
     InputError
-        One does, as in a four-bar.
+        Another joint carries it, or a second hinge off the hub's axis holds what turns on the hub, as in a four-bar.
     """
     body, carried = next(iter(scene.flexible), ""), scene.carrying
     hub = carried.get(body, "")
     while hub and (body := scene.joint[hub].parent.partition(".")[0]) != "ground":
         hub = carried.get(body, "")
-    if not hub or not scene.joint[hub].kind.is_hinge:
+    if not hub:
         return
+    if not scene.joint[hub].kind.is_hinge:
+        mend = (
+            "a rotor turns about a revolute joint on the ground, or its first body is free and held by bearings: "
+            "nothing else tells the axis of rotation"
+        )
+        raise InputError(scene.file, f"joint.{hub}.type", None, mend)
     hinge: Any = scene.joint[hub]
     (at, _), axis = ground_place(scene, hinge.parent), joint_axes(scene, hinge).in_parent @ hinge.axis
     ends = {name: {joint.parent, joint.child} for name, joint in scene.joint.items()}
@@ -346,23 +352,11 @@ def _differ(A: Array, B: Array) -> float:
 
 
 def _find_hub(pipeline: Pipeline, mechanism: Mechanism, q: Array) -> OnHub:
-    """Find the revolute joint on the ground that carries the first part.
-
-    Raises
-    ------
-    InputError
-        It is another joint.
-    """
+    """Find the revolute joint on the ground that carries the first part."""
     root = mechanism.number_of(pipeline.part.name)
     while mechanism.links[root].parent >= 0:
         root = mechanism.links[root].parent
     link = mechanism.links[root]
-    if not link.joint.is_hinge:
-        mend = (
-            "a rotor turns about a revolute joint on the ground, or its first body is free and held by bearings: "
-            "nothing else tells the axis of rotation"
-        )
-        raise InputError(pipeline.scene.file, f"joint.{link.joint_name}.type", None, mend)
     axis = _at_rest(mechanism, q).frames[root].rotation[0] @ link.axis
     return OnHub(mechanism, root, axis / np.linalg.norm(axis))
 

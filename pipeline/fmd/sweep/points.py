@@ -81,7 +81,10 @@ def sample_variations(texts: Sequence[str], design: Design, points: int, seed: i
     for text in texts:
         key, _, given = (part.strip() for part in text.partition("="))
         found = _parse_range(key, given)
-        if not key or found is None or found.count or key in ranges:
+        if found is not None and found.count:
+            mend = f"counts its own values, where --design takes --points of all ranges: leave out :{found.count}"
+            raise InputError(_VARY, key, given, mend)
+        if not key or found is None or key in ranges:
             raise InputError(_VARY, "", text, "must be the only range of its key, like joint.hinge.spring=1..4 N m/rad")
         ranges[key] = found
     samples = sample_ranges([*ranges.values()], design, points, seed)

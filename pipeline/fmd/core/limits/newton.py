@@ -14,6 +14,9 @@ CLOSING_CORRECTIONS = 60  # many: a start may be far off, and corrections halve 
 DEPENDENT_DIRECTION = 1e-9  # of the largest singular value: directions in which nothing closes
 AWAY = 1e-3  # motion by which the rank of the constraints is tried [rad or m]
 TRIED, SPREAD = 3, 0.2  # positions nearby at which constraints are tried, and how far off they are [rad or m]
+WAYS_TRIED = 12  # positions from anywhere, from which other ways of closing are sought
+OTHER_WAY = 1e-3  # how far apart two ways are [rad or part of the size of the gap]
+SHOWN_WAYS = 4  # written in a message
 DRIVEN_MOMENTS = 5  # at which prescribed motions are tried
 
 # Loops in each step of a march.
