@@ -13,6 +13,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.formula import Formula
+from fmd.core.splines import spline_pieces
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.formulas import raise_to, trace_formula
 from fmd.dynamics.compiler.graph import Graph, Scalar
@@ -72,10 +73,8 @@ def straight_curve(x: Sequence[float], y: Sequence[float]) -> ForceCurve:
 
 def smooth_curve(x: Sequence[float], y: Sequence[float]) -> ForceCurve:
     """Make the natural cubic spline through points, which goes on straight beyond the first and the last."""
-    from scipy.interpolate import CubicSpline
-
-    spline = CubicSpline(x, y, bc_type="natural")
-    slope, thirds = float(spline(x[0], 1)), spline.c[0]
+    pieces = spline_pieces(x, y, "natural")
+    slope, thirds = float(pieces[0, 1]), pieces[:, 3]
     jumps = np.diff(np.concatenate([[0.0], thirds, [0.0]]))
     bends = tuple(Bend(float(jump), float(at), 3) for jump, at in zip(jumps, x, strict=True))
     return ForceCurve((float(y[0] - slope * x[0]), slope), bends)

@@ -11,6 +11,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.formula import Formula
+from fmd.core.splines import spline_pieces
 from fmd.core.state_formula import StateFormula, parse_state_formula
 from fmd.dynamics.closures import Place
 from fmd.dynamics.kinematics import Kinematics
@@ -144,8 +145,5 @@ def _straight_pieces(x: Sequence[float], y: Sequence[float]) -> tuple[tuple[floa
 def _smooth_pieces(
     x: Sequence[float], y: Sequence[float], repeats: bool
 ) -> tuple[tuple[float, float, float, float], ...]:
-    from scipy.interpolate import CubicSpline
-
-    closed = [*y[:-1], y[0]] if repeats else y
-    spline = CubicSpline(x, closed, bc_type="periodic" if repeats else "natural")
-    return tuple((float(a), float(b), float(c), float(d)) for d, c, b, a in spline.c.T)
+    pieces = spline_pieces(x, [*y[:-1], y[0]] if repeats else y, "periodic" if repeats else "natural")
+    return tuple((a, b, c, d) for a, b, c, d in pieces.tolist())

@@ -18,6 +18,7 @@ import numpy as np
 from fmd.core import formula as operation
 from fmd.core.arrays import Array, require_shape
 from fmd.core.formula import Formula
+from fmd.core.splines import spline_pieces
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.formulas import trace_formula, trace_table
 from fmd.dynamics.compiler.graph import Graph, Scalar
@@ -210,13 +211,11 @@ def smooth_table(times: Array, values: Array, beyond: Beyond = "hold", until: fl
     whose acceleration acts as a load. Parameters and errors are those of `linear_table`; samples that repeat end with
     their first value.
     """
-    from scipy.interpolate import CubicSpline
-
     times, values = _samples(times, values)
     if beyond == "repeat":
         values = np.append(values[:-1], values[0])
-    pieces = CubicSpline(times, values, bc_type="periodic" if beyond == "repeat" else "clamped").c[::-1].T
     repeats = beyond == "repeat"
+    pieces = spline_pieces(times, values, "periodic" if repeats else "clamped")
     final = (values[-1], pieces[0, 1] if repeats else 0.0)
     return _go_on(times, pieces, final, times[:0] if repeats else times[[0, -1]], beyond, until)
 
