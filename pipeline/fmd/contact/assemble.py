@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from fmd.contact.dense import ROUTINES, WORDS, lapack_addresses
 from fmd.contact.histories import BEGIN, END, MOST_WORN, N_VALUES, WORN
 from fmd.contact.round_laws import law_table
 from fmd.contact.surfaces import ContactSurface, find_surfaces
@@ -50,7 +51,26 @@ def contact_table(
     )
     for own, begin, end in zip(surfaces, point[:-1], point[1:], strict=True):
         _anchor(table, bodies[own.slave], own, slice(begin, end))
+        if own.of.friction and not own.of.law and own.master < 0:
+            _choose_all(table, bodies[own.slave], own, begin, end)
     return table
+
+
+def _choose_all(table: ContactTable, body: TouchingBody, surface: ContactSurface, begin: int, end: int) -> None:
+    """Choose all points of a body that touches one plane with all of them: with friction D and P stay the same."""
+    g = int(np.searchsorted(table.group, begin))
+    n, size, stride = end - begin, 3 * (end - begin), int(table.stride[g])
+    if (
+        table.group[g] != begin
+        or table.group[g + 1] != end
+        or not np.array_equal(surface.points, np.arange(len(body.points.x)))
+    ):
+        return
+    for X, entries in ((table.D, body.points.G), (table.P, body.points.held_stiffness)):
+        at = int(table.first_entry[g, 0])
+        X[at : at + size * stride].reshape(size, stride)[:, :size] = entries.reshape(size, size)
+    table.chosen[begin:end], table.slot[begin:end] = np.arange(begin, end), np.arange(n)
+    table.n_chosen[g], table.inverted[g] = n, 1
 
 
 def _anchor(table: ContactTable, body: TouchingBody, surface: ContactSurface, at: slice) -> None:
@@ -245,13 +265,14 @@ def _friction_rooms(group: IntArray, rubs: bool) -> dict[str, Any]:
         "P": np.zeros((3 * counts * stride).sum()),
         "M": np.zeros(3 * points * (most + DOUBLES_IN_LINE)),
         **{name: np.zeros(len(counts), dtype=np.int64) for name in ("inverted", "swept", "n_known")},
-        **{name: np.zeros(points, dtype=np.int64) for name in ("grip", "place_in")},
-        **{name: np.zeros((points, 3)) for name in ("trial", "slack")},
-        **{name: np.zeros(most) for name in ("left", "held", "response")},
+        **{name: np.zeros(points, dtype=np.int64) for name in ("grip", "grip_then", "place_in")},
+        **{name: np.zeros((points, 3)) for name in ("trial", "slack", "step", "settled", "origin", "target")},
+        **{name: np.zeros(most) for name in ("left", "held", "response", "right")},
+        "pivots": np.zeros(most, dtype=np.int64),
+        "lapack": lapack_addresses() if rubs else np.zeros(len(ROUTINES), dtype=np.int64),
+        "words": WORDS.copy(),
+        "kept": np.full(2, -1, dtype=np.int64),
         "known_response": np.zeros(len(counts) * KNOWN_RESPONSES * 2 * most),
-        "pivots": np.zeros((DOUBLES_IN_LINE, DOUBLES_IN_LINE)),
-        "pivot_rows": np.zeros(DOUBLES_IN_LINE * most),
-        "lead": np.zeros(DOUBLES_IN_LINE),
     }
 
 

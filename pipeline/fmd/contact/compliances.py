@@ -37,7 +37,7 @@ def choose_points(c: ContactTable, g: int) -> None:
             if c.seen[i, 0] == 1 and (c.free[i, 0] < WIDER_BAND * band or was_pressed(c, i)):
                 c.chosen[first + count], c.slot[i] = i, count
                 count += 1
-        c.n_chosen[g], c.inverted[g], c.swept[g] = count, 0, 0
+        c.n_chosen[g], c.inverted[g], c.swept[g], c.kept[0] = count, 0, 0, -1
         for own in range(count):
             _note_pose(c, c.chosen[first + own])
             for other in range(own + 1):
@@ -48,11 +48,19 @@ def choose_points(c: ContactTable, g: int) -> None:
             if _is_stale(c, i):
                 _note_pose(c, i)
                 changed = True
-                c.inverted[g], c.swept[g] = 0, 0
+                c.inverted[g], c.swept[g], c.kept[0] = 0, 0, -1
                 for other in range(count):
                     _set_block(c, g, own, other)
-    for own in range(count):
-        i = c.chosen[first + own]
+    if changed:
+        c.n_factored[g] = -2
+
+
+@inner
+def keep_along_normals(c: ContactTable, g: int) -> None:
+    """Fill N, the flexibilities along normals, where D or these have changed; its factor is no more to be used then."""
+    changed = c.n_factored[g] == -2
+    for own in range(c.n_chosen[g]):
+        i = c.chosen[c.group[g] + own]
         for k in range(3):
             changed = changed or abs(c.turned[i, 0, k] - c.normal_then[i, k]) > TURNED_NORMALS
     if changed:
@@ -164,7 +172,6 @@ def _add_turned(c: ContactTable, i: int, j: int, left: bool, right: bool, sign: 
 
 @inner
 def _set_along_normals(c: ContactTable, g: int) -> None:
-    """Fill N, the flexibilities along normals; what has been factored of them is no more to be used."""
     first, count, stride = c.group[g], c.n_chosen[g], c.stride[g]
     size, d, n = c.group[g + 1] - first, c.first_entry[g, 0], c.first_entry[g, 1]
     c.n_factored[g] = -1

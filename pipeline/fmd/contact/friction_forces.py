@@ -1,7 +1,7 @@
 """Forces with Coulomb's friction, ``|λ_t| ≤ μ λ_n``, against the slip where that is reached.
 
-Block Gauss–Seidel finds them while points come and go. Where the same points stay for as many sweeps as their stiffness
-costs, this is found, and Newton's method takes over.
+Newton's method finds them where few points are closed. Else block Gauss–Seidel does, until the same points have stayed
+for as many sweeps as their stiffness costs, with which Newton's method takes over.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 from fmd.contact.compliances import move_points
-from fmd.contact.friction_newton import count_loose, find_forces_by_newton
-from fmd.contact.stiffness import invert_flexibility
+from fmd.contact.dense import invert_flexibility
+from fmd.contact.friction_newton import find_forces_by_newton
 from fmd.contact.tables import ContactTable
-from fmd.core.limits.contact import CHEAP_NEWTON, LATE_SWEEPS, SMALL_FORCE, SWEEPS, SWEEPS_PER_POINT
+from fmd.core.limits.contact import FOLLOWED_PARTS, LATE_SWEEPS, SMALL_FORCE, SWEEPS, SWEEPS_PER_POINT
 from fmd.kernels.kernel import inlined, inner
 
 
@@ -22,25 +22,75 @@ def find_friction_forces(c: ContactTable, g: int) -> bool:
     count, least = c.n_chosen[g], math.inf
     for own in range(count):
         least = min(least, _own_compliance(c, g, c.chosen[c.group[g] + own], own, 0, 0))
-    if c.inverted[g] == 1:
-        loose = count_loose(c, g)
-        if loose**3 <= CHEAP_NEWTON * count**2 and find_forces_by_newton(c, g, least):
-            return True
-    _displace(c, g)
+    _settle(c, g)
+    for own in range(count):
+        for a in range(3):
+            c.target[own, a] = c.free[c.chosen[c.group[g] + own], a]
+    if find_forces_by_newton(c, g, least):
+        return True
+    _go_back(c, g)
     for sweep in range(SWEEPS):
         if _sweep(c, g, least):
             return True
         c.swept[g] += 1
-        late = c.inverted[g] == 1 and sweep == LATE_SWEEPS
-        if c.inverted[g] == 0 and c.swept[g] > SWEEPS_PER_POINT * count:
-            late = invert_flexibility(c, g)
-            c.inverted[g] = 1 if late else -1
-        if late:
-            count_loose(c, g)
+        inverts = c.inverted[g] == 0 and c.swept[g] > SWEEPS_PER_POINT * count
+        if inverts:
+            c.inverted[g] = 1 if invert_flexibility(c, g) else -1
+        if c.inverted[g] == 1 and (inverts or sweep == LATE_SWEEPS):
             if find_forces_by_newton(c, g, least):
                 return True
-            _displace(c, g)
+            _go_back(c, g)
+            if _follow_places(c, g, least):
+                return True
     return False
+
+
+@inner
+def _follow_places(c: ContactTable, g: int, least: float) -> bool:
+    """Find forces by Newton's method on the way from where those that have settled would hold all points.
+
+    Returns false, with the forces at hand, if that has no end.
+    """
+    first, count, done, part = c.group[g], c.n_chosen[g], 0.0, 0.5
+    for own in range(count):
+        for a in range(3):
+            c.origin[own, a] = c.free[c.chosen[first + own], a] - _place(c, c.chosen[first + own], own, a)
+    for _ in range(FOLLOWED_PARTS):
+        end = min(1.0, done + part)
+        for own in range(count):
+            for a in range(3):
+                to = c.target[own, a]
+                c.free[c.chosen[first + own], a] = to if end == 1.0 else (1.0 - end) * c.origin[own, a] + end * to
+        if find_forces_by_newton(c, g, least):
+            if end == 1.0:
+                return True
+            _settle(c, g)
+            done, part = end, 2.0 * part
+        else:
+            _go_back(c, g)
+            part *= 0.5
+    for own in range(count):
+        for a in range(3):
+            c.free[c.chosen[first + own], a] = c.target[own, a]
+    return False
+
+
+@inner
+def _settle(c: ContactTable, g: int) -> None:
+    """Keep the forces at hand as those that have settled."""
+    for own in range(c.n_chosen[g]):
+        for a in range(3):
+            c.settled[own, a] = c.force[c.chosen[c.group[g] + own], a]
+
+
+@inner
+def _go_back(c: ContactTable, g: int) -> None:
+    """Take the last forces that have settled, with their displacements."""
+    for own in range(c.n_chosen[g]):
+        for a in range(3):
+            c.force[c.chosen[c.group[g] + own], a] = c.settled[own, a]
+    c.kept[0] = -1
+    _displace(c, g)
 
 
 @inner

@@ -1,18 +1,21 @@
-"""Forces with Coulomb's friction by Newton's method, from the stiffness ``P = D⁻¹`` of points that may close.
+"""Forces with Coulomb's friction by Newton's method, from the flexibility D of points that may close or its inverse P.
 
-With y where points stand and u where they come to, forces are ``λ = P (u − y)``. Points that stick have ``u = 0``, so
-that the others' u alone is unknown: open points have ``λ = 0``, those that slip ``u_n = 0`` and ``λ_t = μ p_n
-p_t/|p_t|`` with ``p = λ − u/ρ``. Each round finds states anew by p (Alart & Curnier, Comput Methods Appl Mech Eng 92,
-1991), and turns slip within the cone (Hüeber, Stadler & Wohlmuth, SIAM J Sci Comput 30, 2008).
+With y where points stand and u where they come to, ``u = y + D λ`` and ``λ = P (u − y)``. Points that stick have
+``u = 0``, open ones ``λ = 0``, those that slip ``u_n = 0`` and ``λ_t = μ p_n p_t/|p_t|`` with ``p = λ − u/ρ``. Unknown
+are λ of closed points, or u of those that don't stick, whichever are fewer. Each round finds states anew by p (Alart &
+Curnier, Comput Methods Appl Mech Eng 92, 1991), and turns slip within the cone (Hüeber, Stadler & Wohlmuth, SIAM J Sci
+Comput 30, 2008). Factors of the equations stay as long as states do and rounds settle by them.
 """
 
 from __future__ import annotations
 
 import math
 
+from fmd.contact.dense import factor_equations, solve_equations
 from fmd.contact.tables import ContactTable
+from fmd.core.arrays import Array
 from fmd.core.limits.code import DOUBLES_IN_LINE
-from fmd.core.limits.contact import KNOWN_RESPONSES, NEWTON_ROUNDS, SMALL_FORCE
+from fmd.core.limits.contact import KNOWN_RESPONSES, NEWTON_ROUNDS, SLOW_ROUND, SMALL_FORCE
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.vectors import fill_vector, read_vector, write_vector
 
@@ -20,61 +23,83 @@ OPEN, STICKS, SLIPS = 0, 1, 2
 
 
 @inner
-def count_loose(c: ContactTable, g: int) -> int:
-    """Return how many unknowns points have that didn't stick with the forces at hand, and note the points' states."""
-    loose = 0
-    for own in range(c.n_chosen[g]):
-        i = c.chosen[c.group[g] + own]
-        n, bound = c.force[i, 0], c.friction[c.surface[i]] * c.force[i, 0]
-        size = math.sqrt(c.force[i, 1] ** 2 + c.force[i, 2] ** 2)
-        c.grip[own] = STICKS
-        c.trial[own, 0], c.trial[own, 1], c.trial[own, 2] = n, c.force[i, 1], c.force[i, 2]
-        if n <= 0.0:
-            c.grip[own] = OPEN
-        elif size >= (1.0 - SMALL_FORCE) * bound:
-            c.grip[own] = SLIPS
-        loose += 3 if c.grip[own] == OPEN else 2 if c.grip[own] == SLIPS else 0
-        for a in range(3):
-            c.slack[own, a] = 0.0
-    return loose
-
-
-@inner
 def find_forces_by_newton(c: ContactTable, g: int, least: float) -> bool:
-    """Find forces and displacements of a group's chosen points from the states noted; false if they don't settle.
+    """Find forces and displacements of a group's chosen points from those at hand; false if they don't settle.
 
-    The least own flexibility of a point tells what round-off of places may do to forces.
+    The least own flexibility of a point tells what round-off of places may do to forces. Where P isn't known, more
+    closed points than a third of all are left to others.
     """
-    first, count = c.group[g], c.n_chosen[g]
-    largest = 0.0
+    count, largest, change = c.n_chosen[g], 0.0, math.inf
     for own in range(count):
-        largest = max(largest, c.trial[own, 0])
-    _respond(c, g, SMALL_FORCE * largest * least + c.noise[g])
+        largest = max(largest, c.force[c.chosen[c.group[g] + own], 0])
+    _note_states(c, g, largest == 0.0)
+    _turn_places(c, g)
+    responded, begins, flexible = False, True, False
     for _ in range(NEWTON_ROUNDS):
-        if not _solve_loose(c, g):
-            return False
-        change, largest = 0.0, 0.0
+        closed, loose = 0, 0
         for own in range(count):
-            i = c.chosen[first + own]
+            closed += 0 if c.grip[own] == OPEN else 3
+            loose += 3 if c.grip[own] == OPEN else 2 if c.grip[own] == SLIPS else 0
+        if c.inverted[g] != 1 and closed > count:
+            return False
+        begins = begins or flexible != (c.inverted[g] != 1 or closed < loose)
+        flexible = c.inverted[g] != 1 or closed < loose
+        if not (flexible or responded):
+            _respond(c, g, SMALL_FORCE * largest * least + c.noise[g])
+            responded = True
+        if begins:
+            _begin(c, g, flexible)
+        fresh = _solve_states(c, g, flexible)
+        if fresh < 0:
+            return False
+        before, change, largest, begins = change, 0.0, 0.0, False
+        for own in range(count):
+            i, grip = c.chosen[c.group[g] + own], c.grip[own]
             bound = _try(c, g, i, own)
             p0, p1, p2 = c.trial[own, 0], c.trial[own, 1], c.trial[own, 2]
             n, size = max(0.0, p0), math.sqrt(p1 * p1 + p2 * p2)
             share = bound / size if size > bound else 1.0
             off0, off1, off2 = c.force[i, 0] - n, c.force[i, 1] - share * p1, c.force[i, 2] - share * p2
             change = max(change, abs(off0), abs(off1), abs(off2))
-            largest = max(largest, n)
-            c.force[i, 0], c.force[i, 1], c.force[i, 2] = n, share * p1, share * p2
-        if change <= SMALL_FORCE * largest + c.noise[g] / least:
+            largest, begins = max(largest, n), begins or c.grip[own] != grip
+        if not change < math.inf:
+            return False
+        rounded = change <= c.noise[g] / least and (fresh == 1 or change > 0.5 * before)
+        if rounded or change <= SMALL_FORCE * largest:
             _note_displacements(c, g)
             return True
+        if fresh == 0 and change > SLOW_ROUND * before:
+            c.kept[0] = -1
     return False
 
 
 @inner
-def _note_displacements(c: ContactTable, g: int) -> None:
-    """Write the displacements of chosen points in own axes."""
+def _note_states(c: ContactTable, g: int, touches: bool) -> None:
+    """Note the states of points by the forces at hand; where there are none, what has come below its plane sticks."""
     for own in range(c.n_chosen[g]):
         i = c.chosen[c.group[g] + own]
+        n, bound, soft = c.force[i, 0], c.friction[c.surface[i]] * c.force[i, 0], _rate(c, g, own)
+        size = math.sqrt(c.force[i, 1] ** 2 + c.force[i, 2] ** 2)
+        c.grip[own] = STICKS
+        if n <= 0.0:
+            c.grip[own] = STICKS if touches and c.free[i, 0] < 0.0 else OPEN
+        elif size >= (1.0 - SMALL_FORCE) * bound:
+            c.grip[own] = SLIPS
+        for a in range(3):
+            c.slack[own, a] = c.slack[own, a] if c.kept[0] == g and c.grip[own] != STICKS else 0.0
+            c.trial[own, a] = c.force[i, a] - c.slack[own, a] / soft
+
+
+@inner
+def _note_displacements(c: ContactTable, g: int) -> None:
+    """Bring forces into their cones, and write the displacements of chosen points in own axes."""
+    for own in range(c.n_chosen[g]):
+        i = c.chosen[c.group[g] + own]
+        p0, p1, p2 = c.trial[own, 0], c.trial[own, 1], c.trial[own, 2]
+        n, size = max(0.0, p0), math.sqrt(p1 * p1 + p2 * p2)
+        bound = c.friction[c.surface[i]] * n
+        share = bound / size if size > bound else 1.0
+        c.force[i, 0], c.force[i, 1], c.force[i, 2] = n, share * p1, share * p2
         for k in range(3):
             c.answer[3 * own + k] = 0.0
             for a in range(3):
@@ -83,12 +108,9 @@ def _note_displacements(c: ContactTable, g: int) -> None:
 
 @inlined
 def _try(c: ContactTable, g: int, i: int, own: int) -> float:
-    """Find a point's λ by the displacements, its trial force p and its state, and return its bound."""
+    """Find a point's trial force p and its state, and return its bound."""
     soft = _rate(c, g, own)
     for a in range(3):
-        c.force[i, a] = 0.0
-        for k in range(3):
-            c.force[i, a] += c.turned[i, a, k] * c.response[3 * own + k]
         c.trial[own, a] = c.force[i, a] - c.slack[own, a] / soft
     bound = c.friction[c.surface[i]] * max(0.0, c.trial[own, 0])
     c.grip[own] = STICKS
@@ -107,6 +129,18 @@ def _rate(c: ContactTable, g: int, own: int) -> float:
 
 
 @inner
+def _turn_places(c: ContactTable, g: int) -> None:
+    """Turn where points stand into own axes."""
+    for k in range(c.left.size):
+        c.left[k] = 0.0
+    for own in range(c.n_chosen[g]):
+        i = c.chosen[c.group[g] + own]
+        for k in range(3):
+            for a in range(3):
+                c.left[3 * own + k] += c.turned[i, a, k] * c.free[i, a]
+
+
+@inner
 def _respond(c: ContactTable, g: int, small: float) -> None:
     """Find ``−P y`` from what is known of P, and what is left of y by a product with P, which is then known, too.
 
@@ -118,12 +152,8 @@ def _respond(c: ContactTable, g: int, small: float) -> None:
     if c.n_known[g] == KNOWN_RESPONSES:
         c.n_known[g] = 0
     for k in range(most):
-        c.held[k], c.left[k] = 0.0, 0.0
-    for own in range(c.n_chosen[g]):
-        i = c.chosen[c.group[g] + own]
-        for k in range(3):
-            for a in range(3):
-                c.left[3 * own + k] += c.turned[i, a, k] * c.free[i, a]
+        c.held[k] = 0.0
+    _turn_places(c, g)
     for known in range(c.n_known[g]):
         at, there = begin + 2 * known * most, 0.0
         there = _product(c, at, n)
@@ -140,11 +170,12 @@ def _respond(c: ContactTable, g: int, small: float) -> None:
             c.known_response[at + k], c.known_response[at + most + k] = c.left[k] / size, 0.0
             c.response[k] = 0.0
         for k in range(n):
-            _add_row(c, g, k, c.known_response[at + k])
+            _add_row(c, c.P, g, k, c.known_response[at + k])
         for k in range(n):
             c.known_response[at + most + k] = c.response[k]
         _add(c, at + most, -size, n, True)
         c.n_known[g] += 1
+    _turn_places(c, g)
 
 
 @inner
@@ -174,58 +205,113 @@ def _add(c: ContactTable, at: int, times: float, n: int, to_forces: bool) -> Non
 
 
 @inner
-def _add_row(c: ContactTable, g: int, row: int, times: float) -> None:
-    """Add a row of P to the response."""
+def _add_row(c: ContactTable, X: Array, g: int, row: int, times: float) -> None:
+    """Add a row of P or D to the response."""
     k, at, many = 0, c.first_entry[g, 0] + row * c.stride[g], fill_vector(times, DOUBLES_IN_LINE)
     while k < 3 * c.n_chosen[g]:
-        more = many * read_vector(c.P, at + k, DOUBLES_IN_LINE)
+        more = many * read_vector(X, at + k, DOUBLES_IN_LINE)
         write_vector(c.response, k, read_vector(c.response, k, DOUBLES_IN_LINE) + more)
         k += DOUBLES_IN_LINE
 
 
+@inlined
+def _first_unknown(c: ContactTable, own: int, flexible: bool) -> int:
+    """Return which of a point's forces, or displacements, is its first unknown; 3 without."""
+    if flexible:
+        return 3 if c.grip[own] == OPEN else 0
+    return 0 if c.grip[own] == OPEN else 1 if c.grip[own] == SLIPS else 3
+
+
 @inner
-def _solve_loose(c: ContactTable, g: int) -> bool:
-    """Find the displacements of points that don't stick in their states, and all forces by these; false if it fails."""
-    first, count, n = c.group[g], c.n_chosen[g], 0
-    for own in range(count):
-        for a in range(3):
-            c.slack[own, a] = 0.0 if c.grip[own] == STICKS else c.slack[own, a]
-        c.place_in[own] = n
-        n += 3 if c.grip[own] == OPEN else 2 if c.grip[own] == SLIPS else 0
-    width = DOUBLES_IN_LINE * ((n + DOUBLES_IN_LINE) // DOUBLES_IN_LINE)
-    for own in range(count):
-        if c.grip[own] != STICKS:
-            _write_rows(c, g, own, n, width)
-    if not _eliminate(c, n, width):
-        return False
+def _begin(c: ContactTable, g: int, flexible: bool) -> None:
+    """Find displacements by the forces of closed points, or forces by the displacements of those that don't stick."""
     for k in range(c.response.size):
-        c.response[k] = c.held[k]
-    for own in range(count):
-        if c.grip[own] == STICKS:
-            continue
-        i, skipped = c.chosen[first + own], 1 if c.grip[own] == SLIPS else 0
-        c.slack[own, 0] = 0.0
-        for a in range(skipped, 3):
-            c.slack[own, a] = c.M[(c.place_in[own] + a - skipped) * width + n]
+        c.response[k] = c.left[k] if flexible else c.held[k]
+    for own in range(c.n_chosen[g]):
+        i, first = c.chosen[c.group[g] + own], _first_unknown(c, own, flexible)
+        for a in range(3):
+            c.step[own, a] = 0.0
+            if a >= first:
+                c.step[own, a] = c.force[i, a] if flexible else c.slack[own, a]
+            if flexible:
+                c.force[i, a] = 0.0
+            else:
+                c.slack[own, a] = 0.0
+    _move(c, g, flexible)
+
+
+@inner
+def _move(c: ContactTable, g: int, flexible: bool) -> None:
+    """Add a step of the unknowns to them, and what follows from it to forces and displacements of all."""
+    for own in range(c.n_chosen[g]):
+        i = c.chosen[c.group[g] + own]
         for k in range(3):
             moved = 0.0
             for a in range(3):
-                moved += c.turned[i, a, k] * c.slack[own, a]
-            _add_row(c, g, 3 * own + k, moved)
-    return True
+                moved += c.turned[i, a, k] * c.step[own, a]
+            if moved != 0.0 and flexible:
+                _add_row(c, c.D, g, 3 * own + k, moved)
+            elif moved != 0.0:
+                _add_row(c, c.P, g, 3 * own + k, moved)
+    for own in range(c.n_chosen[g]):
+        i = c.chosen[c.group[g] + own]
+        for a in range(3):
+            total = 0.0
+            for k in range(3):
+                total += c.turned[i, a, k] * c.response[3 * own + k]
+            if flexible:
+                c.force[i, a], c.slack[own, a] = c.force[i, a] + c.step[own, a], total
+            else:
+                c.force[i, a], c.slack[own, a] = total, c.slack[own, a] + c.step[own, a]
 
 
 @inner
-def _write_rows(c: ContactTable, g: int, own: int, n: int, width: int) -> None:
-    """Write the equations of a point that doesn't stick: ``E λ + F u = r``, with λ by the displacements of all."""
-    first, i, skipped = c.group[g], c.chosen[c.group[g] + own], 1 if c.grip[own] == SLIPS else 0
-    E, F, r, soft = c.block, c.product, c.way, _rate(c, g, own)
+def _solve_states(c: ContactTable, g: int, flexible: bool) -> int:
+    """Take a step towards forces and displacements that suit the states.
+
+    Returns 1 with equations factored for it, 0 with those kept, -1 if they are singular.
+    """
+    n, same = 0, c.kept[0] == g and c.kept[1] == (1 if flexible else 0)
+    for own in range(c.n_chosen[g]):
+        c.place_in[own] = n
+        n += 3 - _first_unknown(c, own, flexible)
+        same = same and c.grip[own] == c.grip_then[own]
+    width = DOUBLES_IN_LINE * ((n + DOUBLES_IN_LINE - 1) // DOUBLES_IN_LINE)
+    for own in range(c.n_chosen[g]):
+        c.grip_then[own] = c.grip[own]
+        if _first_unknown(c, own, flexible) < 3:
+            _find_equations(c, g, own)
+            _find_fault(c, g, own, flexible)
+            if not same and flexible:
+                _write_rows(c, c.D, c.product, c.block, g, own, width, flexible)
+            elif not same:
+                _write_rows(c, c.P, c.block, c.product, g, own, width, flexible)
+    if n > 0 and not same:
+        c.kept[0] = -1
+        if not factor_equations(c, n, width):
+            return -1
+        c.kept[0], c.kept[1] = g, 1 if flexible else 0
+    if n > 0:
+        solve_equations(c, n, width)
+    for own in range(c.n_chosen[g]):
+        first = _first_unknown(c, own, flexible)
+        for a in range(3):
+            c.step[own, a] = c.right[c.place_in[own] + a - first] if a >= first else 0.0
+    _move(c, g, flexible)
+    return 0 if same else 1
+
+
+@inner
+def _find_equations(c: ContactTable, g: int, own: int) -> None:
+    """Find a point's equations in its state, ``E λ + F u = 0``, along its axes: E in the block, F in the product."""
+    E, F, soft, mu = c.block, c.product, _rate(c, g, own), c.friction[c.surface[c.chosen[c.group[g] + own]]]
     for a in range(3):
-        r[0, a] = 0.0
         for b in range(3):
-            E[a, b], F[a, b] = 1.0 if a == b else 0.0, 0.0
+            same = 1.0 if a == b else 0.0
+            E[a, b] = same if c.grip[own] == OPEN else 0.0
+            F[a, b] = same / soft if c.grip[own] != OPEN else 0.0
     if c.grip[own] == SLIPS:
-        p0, p1, p2, mu = c.trial[own, 0], c.trial[own, 1], c.trial[own, 2], c.friction[c.surface[i]]
+        p0, p1, p2 = c.trial[own, 0], c.trial[own, 1], c.trial[own, 2]
         size = math.sqrt(p1 * p1 + p2 * p2)
         t1, t2 = (p1 / size, p2 / size) if size > 0.0 else (0.0, 0.0)
         share = min(1.0, mu * p0 / size) if size > 0.0 else 0.0
@@ -234,54 +320,41 @@ def _write_rows(c: ContactTable, g: int, own: int, n: int, width: int) -> None:
         E[2, 1], E[2, 2] = share * t1 * t2, 1.0 - share * (1.0 - t2 * t2)
         F[1, 1], F[1, 2] = share * (1.0 - t1 * t1) / soft, -share * t1 * t2 / soft
         F[2, 1], F[2, 2] = -share * t1 * t2 / soft, share * (1.0 - t2 * t2) / soft
-    for a in range(skipped, 3):  # E, turned to own axes
-        for k in range(3):
-            r[1, k] = 0.0
-            for b in range(3):
-                r[1, k] += E[a, b] * c.turned[i, b, k]
-        row = (c.place_in[own] + a - skipped) * width
-        p = c.first_entry[g, 0] + 3 * own * c.stride[g]
-        for other in range(c.n_chosen[g]):
-            if c.grip[other] == STICKS:
-                continue
-            j, at, left = c.chosen[first + other], p + 3 * other, 1 if c.grip[other] == SLIPS else 0
-            for k in range(3):
-                r[2, k] = r[1, 0] * c.P[at + k] + r[1, 1] * c.P[at + c.stride[g] + k]
-                r[2, k] += r[1, 2] * c.P[at + 2 * c.stride[g] + k]
-            for b in range(left, 3):
-                entry = F[a, b] if other == own else 0.0
-                for k in range(3):
-                    entry += r[2, k] * c.turned[j, b, k]
-                c.M[row + c.place_in[other] + b - left] = entry
-        c.M[row + n] = -r[1, 0] * c.held[3 * own] - r[1, 1] * c.held[3 * own + 1] - r[1, 2] * c.held[3 * own + 2]
+
+
+@inlined
+def _find_fault(c: ContactTable, g: int, own: int, flexible: bool) -> None:
+    """Write what is missing in a point's equations as their right sides."""
+    i, first = c.chosen[c.group[g] + own], _first_unknown(c, own, flexible)
+    for a in range(first, 3):
+        total = 0.0
+        for b in range(3):
+            total -= c.block[a, b] * c.force[i, b] + c.product[a, b] * c.slack[own, b]
+        c.right[c.place_in[own] + a - first] = total
 
 
 @inner
-def _eliminate(c: ContactTable, n: int, width: int) -> bool:
-    """Solve n equations, whose right side is the column behind, with row pivots; false if they are singular."""
-    for k in range(n):
-        best, at = 0.0, k
-        for i in range(k, n):
-            if abs(c.M[i * width + k]) > best:
-                best, at = abs(c.M[i * width + k]), i
-        if not 0.0 < best < math.inf:
-            return False
-        if at != k:
-            for j in range(k, n + 1):
-                c.M[k * width + j], c.M[at * width + j] = c.M[at * width + j], c.M[k * width + j]
-        begin = DOUBLES_IN_LINE * (k // DOUBLES_IN_LINE)
-        for i in range(k + 1, n):
-            times = -c.M[i * width + k] / c.M[k * width + k]
-            if times != 0.0:
-                many, j = fill_vector(times, DOUBLES_IN_LINE), begin
-                while j <= n:
-                    more = many * read_vector(c.M, k * width + j, DOUBLES_IN_LINE)
-                    write_vector(c.M, i * width + j, read_vector(c.M, i * width + j, DOUBLES_IN_LINE) + more)
-                    j += DOUBLES_IN_LINE
-    for back in range(n):
-        k = n - 1 - back
-        total = c.M[k * width + n]
-        for j in range(k + 1, n):
-            total -= c.M[k * width + j] * c.M[j * width + n]
-        c.M[k * width + n] = total / c.M[k * width + k]
-    return True
+def _write_rows(
+    c: ContactTable, X: Array, of_all: Array, of_own: Array, g: int, own: int, width: int, flexible: bool
+) -> None:
+    """Write a point's equations for all unknowns: X times one part, by what follows from these, plus the other."""
+    i, first, r = c.chosen[c.group[g] + own], _first_unknown(c, own, flexible), c.way
+    p, stride = c.first_entry[g, 0] + 3 * own * c.stride[g], c.stride[g]
+    for a in range(first, 3):
+        for k in range(3):  # turned to own axes
+            r[0, k] = 0.0
+            for b in range(3):
+                r[0, k] += of_all[a, b] * c.turned[i, b, k]
+        row = (c.place_in[own] + a - first) * width
+        for other in range(c.n_chosen[g]):
+            left = _first_unknown(c, other, flexible)
+            if left == 3:
+                continue
+            j, at = c.chosen[c.group[g] + other], p + 3 * other
+            for k in range(3):
+                r[1, k] = r[0, 0] * X[at + k] + r[0, 1] * X[at + stride + k] + r[0, 2] * X[at + 2 * stride + k]
+            for b in range(left, 3):
+                entry = of_own[a, b] if other == own else 0.0
+                for k in range(3):
+                    entry += r[1, k] * c.turned[j, b, k]
+                c.M[row + c.place_in[other] + b - left] = entry

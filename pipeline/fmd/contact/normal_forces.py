@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from fmd.contact.compliances import keep_along_normals
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
 from fmd.core.limits.contact import BLOCK_CHANGES, SET_CHANGES, SMALL_FORCE
@@ -17,6 +18,7 @@ def find_normal_forces(c: ContactTable, g: int) -> bool:
     All points that are wrong change sides at once (Kunisch & Rendl, SIAM J Optim 14, 2003); if they go on doing so,
     the worst alone. The factor of the active points stays as long as these and N do.
     """
+    keep_along_normals(c, g)
     first, count = c.group[g], c.n_chosen[g]
     size, n = c.group[g + 1] - first, c.first_entry[g, 1]
     for change in range(SET_CHANGES):

@@ -141,22 +141,29 @@ class ContactTable(Table):
     P: Array  # the inverse of D, where friction had it found; nothing without friction
     inverted: IntArray  # (n_groups,): 1 where it is, -1 where D has none
     swept: IntArray  # (n_groups,): sweeps of Gauss–Seidel with this D
-    M: Array  # equations of points that don't stick, a row each, with the right side behind
+    M: Array  # equations of the unknowns of Newton's method, a row each, or their factors
+    right: Array  # (most rows of D,): their right sides, then what solves them
+    pivots: IntArray  # (as many,): rows that were exchanged, as LAPACK has them
+    lapack: IntArray  # (4,): addresses of its routines
+    words: IntArray  # (6,): what these are called with
+    kept: IntArray  # (2,): group whose factors these are, -1 without; 1 if forces are unknown, 0 if displacements are
+    grip_then: IntArray  # (most points of a group,): states that they are of
+    step: Array  # (most points, 3): of the unknowns
     grip: IntArray  # (most points of a group,): state of each: open, sticks, slips
     place_in: IntArray  # (most points,): its first unknown in them
     trial: Array  # (most points, 3): force that its state follows from
     slack: Array  # (most points, 3): gap and slip with displacements by forces
+    settled: Array  # (most points, 3): the last forces that Newton's method has found, or began with
+    origin: Array  # (most points, 3): gaps and slips at which these would let no point move
+    target: Array  # (most points, 3): those of the step
     left: Array  # (most rows of D,): gaps and slips without these, in own axes
     held: Array  # (as many): forces if no point moved
     response: Array  # (as many): rows of P, summed up
     known_response: Array  # (n_groups, known ones, 2, as many), flat: directions, and P times them
     n_known: IntArray  # (n_groups,): how many
-    pivots: Array  # (8, 8): inverse of a block on P's diagonal, as P is found
-    pivot_rows: Array  # (8, as many), flat: this times its rows
-    lead: Array  # (8,): entries of a row in the block's columns
     L: Array  # factor of the active part of N
     factored: IntArray  # (n,): places of points in it, from the group's first entry on
-    n_factored: IntArray  # (n_groups,): how many; -1 if it isn't to be used
+    n_factored: IntArray  # (n_groups,): how many; -1 if it isn't to be used, -2 if N isn't, either
     answer: Array  # (as many): displacements by them
     way: Array  # (3, 3)
     edge: Array  # (2, 4, 3): middle, direction and two outward directions of an edge each of two boxes, in space

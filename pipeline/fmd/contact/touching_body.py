@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from fmd.contact.primitives import Primitive
 from fmd.contact.recorded import ContactRecord
@@ -98,6 +100,12 @@ class ContactPoints:
             return np.zeros(0, dtype=np.int64)
         rows = np.concatenate([self.faces[name] for name in self.grids])
         return np.asarray(self.nodes[(np.abs(self.weights[rows]) > CARRYING).any(axis=0)])
+
+    @cached_property
+    def held_stiffness(self) -> Array:
+        """Inverse of G [N/m], shape (3 n, 3 n)."""
+        n = 3 * len(self.x)
+        return np.asarray(cho_solve(cho_factor(self.G.reshape(n, n)), np.eye(n)))
 
     @property
     def softness(self) -> Array:

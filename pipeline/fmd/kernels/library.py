@@ -57,8 +57,8 @@ def _write_vector(w: BlockWriter, x: Sequence[Value]) -> Value:
 
 def _call_native(w: BlockWriter, x: Sequence[Value]) -> Value:
     for array in x[1].parts:
-        if not (isinstance(array.type, ArrayType) and array.type.entry == REAL):
-            raise NotInSubset(f"{name_of(array.type)} is no array of doubles")
+        if not isinstance(array.type, ArrayType):
+            raise NotInSubset(f"{name_of(array.type)} is no array")
     pointer = w.value("ptr", f"inttoptr i64 {x[0].text} to ptr").text
     w.line(f"call void {pointer}({', '.join(f'ptr {array.text}' for array in x[1].parts)})")
     return Value(NOTHING, "")

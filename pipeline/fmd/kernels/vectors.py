@@ -6,7 +6,7 @@ import ctypes
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, IntArray
 
 
 def read_vector(x: Array, at: int, width: int) -> Array:
@@ -35,13 +35,13 @@ def write_vector(x: Array, at: int, vector: Array) -> None:
     x.reshape(-1)[at : at + np.size(vector)] = vector
 
 
-def call_native(address: int, arrays: tuple[Array, ...]) -> None:
-    """Call the C function ``void f(double *, …)`` at an address with the data of arrays.
+def call_native(address: int, arrays: tuple[Array | IntArray, ...]) -> None:
+    """Call the C function ``void f(double *, …)`` at an address with the data of arrays, of doubles or whole numbers.
 
-    Nothing can check that the function takes as many: the address is only a number.
+    Nothing can check that the function takes as many, and of these kinds: the address is only a number.
     """
     for x in arrays:
-        if not (x.flags.c_contiguous and x.dtype == np.float64):
-            raise TypeError("compiled functions take C-contiguous arrays of doubles")
+        if not (x.flags.c_contiguous and x.dtype in (np.float64, np.int64)):
+            raise TypeError("compiled functions take C-contiguous arrays of 64-bit numbers")
     prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(arrays))
     prototype(int(address))(*(x.__array_interface__["data"][0] for x in arrays))

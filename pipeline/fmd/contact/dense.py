@@ -1,0 +1,64 @@
+"""Dense equations of contacts by LAPACK's routines, which kernels call by their addresses."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+
+from fmd.contact.tables import ContactTable
+from fmd.core.arrays import Array, IntArray
+from fmd.kernels.kernel import inner
+from fmd.kernels.vectors import call_native
+
+ROUTINES = ("dgetrf", "dgetrs", "dpotrf", "dpotri")
+WORDS = np.array([0, 0, 1, 0, ord("T"), ord("L")], dtype=np.int64)
+"""What these are called with: order, entries in a row, right sides, whether it failed, transposed, which triangle."""
+
+
+def lapack_addresses() -> IntArray:
+    """Return the addresses of LAPACK's routines."""
+    from scipy.linalg import cython_lapack
+
+    name_of, address_of = ctypes.pythonapi.PyCapsule_GetName, ctypes.pythonapi.PyCapsule_GetPointer
+    name_of.restype, name_of.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    address_of.restype, address_of.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    capsules = [cython_lapack.__pyx_capi__[name] for name in ROUTINES]
+    return np.array([address_of(own, name_of(own)) for own in capsules], dtype=np.int64)
+
+
+@inner
+def factor_equations(c: ContactTable, n: int, width: int) -> bool:
+    """Factor the n equations in M, of which a row has ``width`` entries; false if they are singular."""
+    w = c.words
+    w[0], w[1], w[3] = n, width, 0
+    call_native(c.lapack[0], (w[0:1], w[0:1], c.M, w[1:2], c.pivots, w[3:4]))
+    return bool(w[3] == 0)
+
+
+@inner
+def solve_equations(c: ContactTable, n: int, width: int) -> None:
+    """Solve factored equations: the right sides become what is to be found."""
+    w = c.words
+    w[0], w[1], w[3] = n, width, 0
+    call_native(c.lapack[1], (w[4:5], w[0:1], w[2:3], c.M, w[1:2], c.pivots, c.right, w[0:1], w[3:4]))
+
+
+@inner
+def invert_flexibility(c: ContactTable, g: int) -> bool:
+    """Fill P, the inverse of D, of a group's chosen points; false if D isn't positive definite."""
+    n, stride, at, w = 3 * c.n_chosen[g], c.stride[g], c.first_entry[g, 0], c.words
+    c.n_known[g] = 0
+    for i in range(n):
+        for k in range(stride):
+            c.P[at + i * stride + k] = c.D[at + i * stride + k] if k < n else 0.0
+    P: Array = c.P[at:]
+    for routine in range(2, 4):
+        w[0], w[1], w[3] = n, stride, 0
+        call_native(c.lapack[routine], (w[5:6], w[0:1], P, w[1:2], w[3:4]))
+        if w[3] != 0:
+            return False
+    for i in range(n):
+        for k in range(i):
+            P[i * stride + k] = P[k * stride + i]
+    return True
