@@ -201,9 +201,9 @@ def test_no_end_of_a_front_has_more_of_the_other_aim_than_it_needs(aims: Any) ->
 def test_a_front_is_found_from_its_other_end_where_a_search_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     """Searches towards deeper bars fail here, as past a resonance."""
 
-    def search(space: Any, limits: Any, sign: int, start: Any) -> Optimum:
-        found = optimise.search(space, limits, sign, start)
-        if found.shares[0] > start[0] + 0.01:
+    def search(space: Any, limits: Any, sign: int, starts: Any) -> Optimum:
+        found = optimise.search(space, limits, sign, starts)
+        if found.shares[0] > starts[0][0] + 0.01:
             raise NoDesignError("stuck")
         return found
 
@@ -216,6 +216,34 @@ def test_a_front_is_found_from_its_other_end_where_a_search_fails(monkeypatch: p
     assert [numbers_of(each)["body.bar.depth"] for each in front][:: len(front) - 1] == pytest.approx(
         [0.015, 0.03], rel=2e-4
     )
+
+
+def test_the_best_of_several_searches_is_taken_and_a_front_has_the_warnings_of_both_aims(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of an aim with two minima over a logarithm x, at x = 0.08 and, lower, at 0.73, and an aim x + 2."""
+
+    def design(space: Any, shares: Any) -> Any:
+        (x,) = shares
+        first = 2.0 + 2.0 * (x - 0.05) ** 2 * (x - 0.7) ** 2 - 0.05 * x
+        slope = 4.0 * (x - 0.05) * (x - 0.7) * (2.0 * x - 0.75) - 0.05
+        both = {"mass": (first, slope), "frequency.1": (x + 2.0, 1.0)}
+        results, slopes = np.array([both[name] for name in space.names]).T
+        channels = [SimpleNamespace(name=name, part="", mode=0) for name in space.names]
+        values = {each.parameter: each.from_share(x) for each in space.varied}
+        return SimpleNamespace(results=np.exp(results), sensitivities=slopes[:, None], values=values, channels=channels)
+
+    run = package.load(BAR).run
+    varied = read_varied(run, ["body.bar.depth=17..45 mm"])
+    monkeypatch.setattr(optimise.DesignSpace, "at", design)
+    near, best = (optimise_scene(run, "mass", (), varied, starts=starts).shares for starts in (1, 4))
+    assert (near, best) == (pytest.approx(0.08, abs=0.01), pytest.approx(0.73, abs=0.01))
+    front = find_front(run, (("mass", 1), ("frequency.1", 1)), (), varied, 3, starts=4)
+    assert front[0].shares == pytest.approx(best, abs=0.02)  # of those that are as good but for a ten-thousandth
+    monkeypatch.setattr(optimise, "STATIONARY", -1.0)
+    texts = [each["text"] for each in front[-1].warnings()]
+    assert [text.startswith("of the best in") for text in texts] == [False, True, True]
+    assert "frequency.1" in texts[-1]
 
 
 @pytest.mark.parametrize(("low", "high", "depth"), [(0.4, 0.8, 16.0), (0.7, 1.5, 10.0)])

@@ -26,6 +26,7 @@ def optimise(
     maximise: Several = None,
     subject: Several = None,
     points: int | None = None,
+    starts: int = 1,
     out: Folder = None,
     options: Options = DEFAULTS,
 ) -> None:
@@ -43,6 +44,8 @@ def optimise(
         A limit, "life >= 1e7", "frequency.1 >= 40 Hz" or "frequency.1 outside 40..60 Hz".
     points
         Number of designs of a front; 7 by default.
+    starts
+        Number of searches, one from the scene's values and others from between the bounds; the best design is taken.
     """
     from fmd.fitting.fit_files import write_design, write_front
     from fmd.fitting.optimise import optimise_scene, read_limits
@@ -56,16 +59,18 @@ def optimise(
         raise InputError("--minimise", "", None, "one result, or two for their front, e.g. --minimise mass")
     if points is not None and (len(aims) != 2 or points < 3):
         raise InputError("--points", "", points, "must be 3 or more, and belongs to two aims")
+    if starts < 1:
+        raise InputError("--starts", "", starts, "must be 1 or more")
     run = settle(options.open(scene))
     require_results(run.scene, [name for name, _ in aims], "--minimise, --maximise")
     limits = read_limits(run, split_names("--subject", subject or []))
     varied = read_varied(run, split_names("--vary", vary))
     folder, given = out or Path("out") / f"{run.scene.name}-design", options.set_ or ()
     if len(aims) == 2:
-        found = find_front(run, (aims[0], aims[1]), limits, varied, points or FRONT)
+        found = find_front(run, (aims[0], aims[1]), limits, varied, points or FRONT, starts)
         write = partial(write_front, found, title=f"{run.scene.title}: front")
     else:
-        found = [optimise_scene(run, aims[0][0], limits, varied, aims[0][1])]
+        found = [optimise_scene(run, aims[0][0], limits, varied, aims[0][1], starts)]
         write = partial(write_design, found[0])
     with refusing("--out", folder):
         files = write(folder, scene, given)

@@ -26,7 +26,7 @@ from fmd.fitting.experiments import Experiment
 from fmd.fitting.fit_model import FitModel
 from fmd.fitting.information import Information, find_information, probability_of, whiteness
 from fmd.fitting.measurements import noise_spread
-from fmd.fitting.varied import VariedNumber
+from fmd.fitting.varied import VariedNumber, spread_starts
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ def fit_scene(
     for experiment in experiments:
         experiment.require_times([each for each in varied if each.parameter.clock])
     model = FitModel(experiments, varied, monitor)
-    begins = _spread_starts(varied, starts)
+    begins = spread_starts(varied, starts)
     unlike = model.unlike_size()
     before = find_information(model.jacobian(begins[0]))
     require_determined(model, before, unlike)
@@ -287,21 +287,6 @@ def _search_by_parts(model: FitModel, start: Array) -> list[Any]:
             found.append(_search(model, start, told, rows))
             start, found[-1].cost, found[-1].success = found[-1].x - 1.0, np.inf, False
     return [*found, _search(model, start)] if found else []
-
-
-def _spread_starts(varied: tuple[VariedNumber, ...], count: int) -> list[Array]:
-    """Return starts of searches: the scene's values, and points between the bounds."""
-    starts = [np.zeros(len(varied))]
-    if count > 1:
-        from scipy.stats.qmc import LatinHypercube
-
-        bounds = np.array([[each.to_share(each.low), each.to_share(each.high)] for each in varied])
-        if not np.isfinite(bounds).all():
-            key = varied[int(np.flatnonzero(~np.isfinite(bounds).all(axis=1))[0])].parameter.key
-            raise InputError("--starts", key, None, f"needs bounds, --vary {key}=low..high")
-        points = LatinHypercube(len(varied), rng=np.random.default_rng(0)).random(count - 1)
-        starts += [*(bounds[:, 0] + points * np.ptp(bounds, axis=1))]
-    return starts
 
 
 def _start_by_modes(model: FitModel, start: Array) -> Array:

@@ -15,7 +15,7 @@ from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import AccuracyError, InputError, as_input_error
 from fmd.core.limits.fitting import ENDLESS, MET, MOST_BANDS, MOST_DESIGNS, OPTIMUM, STATIONARY
 from fmd.fitting.designs import Design, DesignSpace
-from fmd.fitting.varied import VariedNumber, read_bounds, read_number, require_unit
+from fmd.fitting.varied import VariedNumber, read_bounds, read_number, require_unit, spread_starts
 from fmd.output.channels import find_channels
 from fmd.scene.result_names import require_results
 from fmd.stages.pipeline import Pipeline
@@ -69,6 +69,7 @@ class Optimum:
     limits: tuple[Limit, ...]
     sign: int  # 1 if the first result is minimised, -1 if it is maximised
     shares: Array  # (n,): the numbers as the search counts them
+    beside: tuple[Optimum, ...] = ()  # others on which it rests, whose warnings count
 
     @property
     def design(self) -> Design:
@@ -132,6 +133,9 @@ class Optimum:
                     f"has {lowest:.6g} Hz; limits on frequency.1, frequency.2 and so on hold for all of them"
                 )
                 found.append({"code": "modes-crossed", "text": text})
+        for other in self.beside:
+            name = other.design.channels[0].name
+            found += [each | {"text": f"of the best in {name}: {each['text']}"} for each in other.warnings()]
         return found
 
     def summary(self) -> dict[str, Any]:
@@ -222,7 +226,12 @@ def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit | ExcludedBa
 
 
 def optimise_scene(
-    run: Pipeline, aim: str, limits: tuple[Limit | ExcludedBand, ...], varied: tuple[VariedNumber, ...], sign: int = 1
+    run: Pipeline,
+    aim: str,
+    limits: tuple[Limit | ExcludedBand, ...],
+    varied: tuple[VariedNumber, ...],
+    sign: int = 1,
+    starts: int = 1,
 ) -> Optimum:
     """Find the least, or the largest, of a result under limits on others, by sequential quadratic programming.
 
@@ -236,6 +245,8 @@ def optimise_scene(
         Numbers that vary, all with bounds.
     sign : int
         1 for the least, -1 for the largest.
+    starts : int
+        Number of searches, as `spread_starts` starts them; the best design is taken.
 
     Raises
     ------
@@ -253,17 +264,17 @@ def optimise_scene(
             mend = f"needs bounds of one sign, --vary {each.parameter.key}=low..high"
             raise InputError("--vary", each.parameter.key, None, mend)
     space = DesignSpace(run, (aim, *(limit.name for limit in limits)), varied)
-    return search(space, limits, sign, np.zeros(len(varied)))
+    return search(space, limits, sign, spread_starts(varied, starts))
 
 
-def search(space: DesignSpace, limits: tuple[Limit | ExcludedBand, ...], sign: int, start: Array) -> Optimum:
-    """Search the best design from a start; parameters and errors are those of `optimise_scene`.
+def search(space: DesignSpace, limits: tuple[Limit | ExcludedBand, ...], sign: int, starts: Sequence[Array]) -> Optimum:
+    """Search the best design from some starts; parameters and errors are those of `optimise_scene`.
 
     Where results mustn't lie in a band, the best of the designs on either side of it is found: each band doubles the
     number of searches.
     """
     found, missed = [], list[AccuracyError | InputError]()
-    for sides in product(*(limit.sides for limit in limits)):
+    for sides, start in product(product(*(limit.sides for limit in limits)), starts):
         try:
             found.append(_search(space, sides, sign, start))
         except (AccuracyError, InputError) as error:
@@ -271,7 +282,8 @@ def search(space: DesignSpace, limits: tuple[Limit | ExcludedBand, ...], sign: i
     if len(missed) == 1 and not found:
         raise missed[0]
     if not found:
-        raise NoDesignError(f"no design was found on any side of the band: {'; '.join(map(str, missed))}")
+        where = "from any start" if len(starts) > 1 else "on any side of the band"
+        raise NoDesignError(f"no design was found {where}: {'; '.join(map(str, missed))}")
     return min(found, key=lambda optimum: sign * optimum.design.results[0])
 
 

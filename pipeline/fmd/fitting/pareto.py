@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from fmd.core.errors import InputError
 from fmd.core.limits.fitting import MET, SAME_AIM
 from fmd.fitting.designs import DesignSpace
 from fmd.fitting.optimise import ExcludedBand, Limit, NoDesignError, Optimum, optimise_scene, search
-from fmd.fitting.varied import VariedNumber
+from fmd.fitting.varied import VariedNumber, spread_starts
 from fmd.stages.pipeline import Pipeline
 
 
@@ -21,6 +22,7 @@ def find_front(
     limits: tuple[Limit | ExcludedBand, ...],
     varied: tuple[VariedNumber, ...],
     count: int,
+    starts: int = 1,
 ) -> list[Optimum]:
     """Find designs along the Pareto front of two aims: the best in the first aim, for values of the second.
 
@@ -37,11 +39,14 @@ def find_front(
         Results, each with 1 if it is minimised or -1 if it is maximised.
     count : int
         Number of designs, 3 at least.
+    starts : int
+        Number of searches of each design: from the one before it, or the scene's, and as `spread_starts` starts others.
 
     Returns
     -------
     list of Optimum
-        From the end of the first aim to that of the second. The limits of each end with that of the second aim.
+        From the end of the first aim to that of the second, which has the warnings of both best designs, too. The
+        limits of each end with that of the second aim.
 
     Raises
     ------
@@ -52,20 +57,21 @@ def find_front(
     """
     (first, sign), (second, other) = aims
     loose = Limit(second, -other, None)
-    best = optimise_scene(run, first, (*limits, loose), varied, sign)
-    last = optimise_scene(run, second, (*limits, Limit(first, -sign, None)), varied, other)
-    begin = search(last.space, (*limits, Limit(first, -sign, _as_good(best))), other, best.shares)
+    best = optimise_scene(run, first, (*limits, loose), varied, sign, starts)
+    last = optimise_scene(run, second, (*limits, Limit(first, -sign, None)), varied, other, starts)
+    more = spread_starts(varied, starts)[1:]
+    begin = search(last.space, (*limits, Limit(first, -sign, _as_good(best))), other, [best.shares])
     worst, least = float(begin.design.results[0]), _as_good(last)
     if abs(np.log(worst / least)) < SAME_AIM:
         raise InputError("--minimise", second, None, f"has no front with {first}: one design is the best in both")
     bounds = np.geomspace(worst, least, count)
-    found, missed = _walk(best.space, limits, loose, sign, begin.shares, bounds)
-    if missed is None:
-        return found
-    others, missed = _walk(best.space, limits, loose, sign, last.shares, bounds[len(found) :][::-1])
+    found, missed = _walk(best.space, limits, loose, sign, [begin.shares, *more], bounds)
+    if missed is not None:
+        others, missed = _walk(best.space, limits, loose, sign, [last.shares, *more], bounds[len(found) :][::-1])
+        found += others[::-1]
     if missed is not None:
         raise missed
-    return [*found, *others[::-1]]
+    return [*found[:-1], replace(found[-1], beside=(best, last))]
 
 
 def _walk(
@@ -73,14 +79,18 @@ def _walk(
     limits: tuple[Limit | ExcludedBand, ...],
     loose: Limit,
     sign: int,
-    shares: Array,
+    starts: Sequence[Array],
     bounds: Array,
 ) -> tuple[list[Optimum], NoDesignError | None]:
-    """Return the best designs for bounds of a limit, each search from the last, up to the first that fails."""
+    """Return the best designs for bounds of a limit, up to the first that fails.
+
+    The first start of each search is the last one's end.
+    """
     found = list[Optimum]()
+    shares, *more = starts
     for bound in bounds:
         try:
-            found.append(search(space, (*limits, replace(loose, bound=float(bound))), sign, shares))
+            found.append(search(space, (*limits, replace(loose, bound=float(bound))), sign, [shares, *more]))
         except NoDesignError as error:
             return found, error
         shares = found[-1].shares

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fmd.core.arrays import Array
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.units import parse_percentage, parse_quantity
 from fmd.fitting.parameters import Parameter, find_parameter
@@ -148,3 +149,24 @@ def read_number(text: str, unit: str) -> tuple[float, str]:
     match = _NUMBER.match(text)
     assert match is not None
     return value, text[match.end() :].strip()
+
+
+def spread_starts(varied: Sequence[VariedNumber], count: int) -> list[Array]:
+    """Return starts of searches: the scene's values, and points of a Latin hypercube between the bounds.
+
+    Raises
+    ------
+    InputError
+        There are no bounds to start between.
+    """
+    starts = [np.zeros(len(varied))]
+    if count > 1:
+        from scipy.stats.qmc import LatinHypercube
+
+        bounds = np.array([[each.to_share(each.low), each.to_share(each.high)] for each in varied])
+        if not np.isfinite(bounds).all():
+            key = varied[int(np.flatnonzero(~np.isfinite(bounds).all(axis=1))[0])].parameter.key
+            raise InputError("--starts", key, None, f"needs bounds, --vary {key}=low..high")
+        points = LatinHypercube(len(varied), rng=np.random.default_rng(0)).random(count - 1)
+        starts += [*(bounds[:, 0] + points * np.ptp(bounds, axis=1))]
+    return starts

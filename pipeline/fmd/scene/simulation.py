@@ -75,5 +75,5 @@ class Simulation(SceneTable):
         if self.step is None:
             for run in self.run:
                 if not run.chooses_steps and run.step is None:
-                    message = f"is missing: {run.integrator} needs a step, here or in the run, e.g. '10 us' or 'auto'"
+                    message = f"is missing: {run.integrator} needs a step: 'auto' here, or '10 us' here or in the run"
                     raise FaultError(message, "step")
