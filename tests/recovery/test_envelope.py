@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmd.core.arrays import Array
-from fmd.recovery.envelope import StressEnvelope, estimate_missed_peak, estimate_missed_vibration, stress_envelope
+from fmd.recovery.envelope import StressEnvelope, stress_envelope
 from fmd.recovery.stress import StressHistory, stress_measure
 
 
@@ -72,28 +72,3 @@ def test_an_extreme_is_dated_by_its_first_occurrence() -> None:
     found = envelope_of(tensors)
     assert found.times[0] == pytest.approx([0.3, 0.3, 0.4])
     assert (found.von_mises[0], found.principal_1[0], found.principal_3[0]) == (2.0, 2.0, -1.0)
-
-
-@pytest.mark.parametrize("samples", [8, 16, 40])
-def test_the_peak_that_is_missed_between_output_times_is_estimated(samples: int) -> None:
-    """Of so many samples to a period, the top of a cosine half-way between two is 1 - cos(π/samples) above them."""
-    t = np.arange(40 * samples)
-    history = StressHistory(np.array([0]), np.eye(6)[None], t / samples, np.zeros((len(t), 6)))
-    history.q[:, 0] = np.cos(2 * np.pi * (t + 0.5) / samples)
-    true = 1.0 / np.cos(np.pi / samples) - 1.0
-    assert estimate_missed_peak(history, 0) == pytest.approx(true, rel=0.25)
-    assert estimate_missed_peak(StressHistory(history.nodes, history.modal, t[:2] * 1.0, history.q[:2]), 0) == 0.0
-
-
-@pytest.mark.parametrize(("samples", "phase"), [(1.0, 0.4), (1.7, 0.0), (2.3, 0.1), (3.1, 0.3)])
-def test_vibrations_that_output_times_skip_are_seen_in_their_rates(samples: float, phase: float) -> None:
-    """A vibration of amplitude 1 about 2 reaches 3, be it sampled always at the same phase or at others."""
-    t, omega = np.arange(60.0), 2 * np.pi / samples
-    history = StressHistory(np.array([0]), np.eye(6)[None], t, np.zeros((60, 6)))
-    history.q[:, 0] = 2.0 + np.sin(omega * t + phase)
-    rates = np.zeros((60, 6))
-    rates[:, 0] = omega * np.cos(omega * t + phase)
-    true = 3.0 / history.q.max() - 1.0
-    hidden = estimate_missed_vibration(history, 0, rates, np.full(6, omega))
-    assert 0.4 * true - 0.01 < hidden < 2.0 * true + 0.2
-    assert estimate_missed_vibration(history, 0, np.zeros((60, 6)), np.full(6, 1e9)) == pytest.approx(0.0, abs=1e-9)

@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 
 from fmd.accuracy.details import named_markers
+from fmd.accuracy.missed_peaks import MissedPeak, find_missed_peaks
 from fmd.accuracy.requested_stress import StressPlace, stress_at_elements, stress_at_nodes
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import number_texts, whole_file, write_table
-from fmd.core.limits.recovery import MISSED_STRESS
+from fmd.core.limits.recovery import MISSED_PEAK
 from fmd.core.limits.round_off import SUMMED
 from fmd.core.limits.shown import DIGITS, HARDLY_MOVES
 from fmd.core.netcdf import write_netcdf
 from fmd.dynamics.kinematics import Kinematics
 from fmd.output.error_table import write_errors
-from fmd.output.missed_peaks import MissedPeaks
 from fmd.output.output_kinds import OutputKind
 from fmd.output.stress_warnings import say_missed, say_output_step
 from fmd.output.variable_errors import VariableErrors
@@ -60,7 +60,7 @@ def write_history(run: Pipeline, output: History, folder: Path) -> list[str]:
 
 def draw_history(run: Pipeline, output: History, folder: Path, draw: Drawer = draw_here) -> None:
     """Draw the quantities of a history over the first run, a frame each, with their stated errors."""
-    errors, peaks, frames = VariableErrors(run), MissedPeaks(run.motion), []
+    errors, peaks, frames = VariableErrors(run), missed_peaks(run), []
     for variable in _leave_out_round_off(history_variables(run, output, run.motion)):
         columns = variable.values.reshape(len(variable.values), -1)
         moving = np.ptp(columns, axis=0) > HARDLY_MOVES * np.ptp(columns, axis=0).max()
@@ -68,8 +68,8 @@ def draw_history(run: Pipeline, output: History, folder: Path, draw: Drawer = dr
         components = tuple(_names_of(variable, columns.shape[1])[k] for k in chosen.tolist())
         error = errors.of(variable, in_body=output.axes == "body") if errors.has_budget else ""
         stated = error if isinstance(error, float) else None
-        missed = peaks.part_of(variable)
-        beyond = f": {say_missed(missed)}" if missed > MISSED_STRESS else ""
+        missed = peaks[variable.name].part if peaks else 0.0
+        beyond = f": {say_missed(missed)}" if missed > MISSED_PEAK else ""
         frames.append(HistoryFrame(variable.name + beyond, variable.units, columns[:, chosen], components, stated))
     title = output.title or f"{run.scene.title}: {Path(output.file).stem}"
     draw("history_chart.draw_histories", run.motion.times, frames, folder / output.file, title=title)
@@ -88,19 +88,38 @@ def _owner(variable: Variable) -> str:
     return variable.name if variable.units == OF_FORMULA else variable.name.rpartition(".")[0]
 
 
+def missed_peaks(run: Pipeline) -> dict[str, MissedPeak]:
+    """Return what histories and tables of a run miss of their variables between output times, by name; found once."""
+
+    def variables_of(motion: Motion) -> Iterator[Variable]:
+        for output in run.scene.output:
+            if isinstance(output, Quantities):
+                yield from history_variables(run, output, motion)
+
+    key = "missed peaks"
+    if key not in run.results:
+        run.results[key] = find_missed_peaks(run, variables_of)
+    found: dict[str, MissedPeak] = run.results[key]
+    return found
+
+
 def missed_peak_warnings(run: Pipeline) -> list[dict[str, str]]:
     """Return a warning where a history or table misses a peak between output times, of that which misses most."""
-    peaks = MissedPeaks(run.motion)
+    outputs = [output for output in run.scene.output if isinstance(output, Quantities)]
+    peaks = missed_peaks(run) if outputs else {}
+    if outputs and not peaks:
+        text = "peaks between output times weren't looked for, for which the motion is marched again; a shorter "
+        return [{"code": "coarse-output-times", "text": f"{text}simulation.output_step shows more of them"}]
     missed = [
-        (peaks.part_of(variable), variable.name, output.file)
-        for output in run.scene.output
-        if isinstance(output, Quantities)
-        for variable in _leave_out_round_off(history_variables(run, output, run.motion))
+        (peaks[each.name].part, each.name, output.file)
+        for output in outputs
+        for each in _leave_out_round_off(history_variables(run, output, run.motion))
     ]
     part, name, file = max(missed, default=(0.0, "", ""))
-    if part <= MISSED_STRESS:
+    if part <= MISSED_PEAK:
         return []
-    return [{"code": "coarse-output-times", "text": f"{file}: {name} {say_output_step(run, part)}"}]
+    text = f"{file}: {name} {say_output_step(run, peaks[name])}"
+    return [{"code": "coarse-output-times", "text": text}]
 
 
 def write_extremes(run: Pipeline, output: ExtremesTable, folder: Path) -> None:

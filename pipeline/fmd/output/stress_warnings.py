@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.core.limits.recovery import APART, MISSED_STRESS, UNRESOLVED_STRESS
-from fmd.recovery.envelope import estimate_missed_peak, estimate_missed_vibration
+from fmd.accuracy.missed_peaks import MissedPeak, find_missed_peaks
+from fmd.core.limits.recovery import APART, MISSED_PEAK
+from fmd.recovery.motion_file import Variable
 from fmd.recovery.stress import von_mises
 from fmd.stages.point_loads import loaded_points
 
 if TYPE_CHECKING:
+    from fmd.recovery.motion import Motion
     from fmd.stages.pipeline import Pipeline
 
 
@@ -26,37 +27,34 @@ def stress_warnings(run: Pipeline, worst: Mapping[str, tuple[float, int, float]]
 
 def output_time_warnings(run: Pipeline, worst: Mapping[str, int]) -> list[dict[str, str]]:
     """Return warnings about output times too far apart for a body's largest stress, at the node of a place."""
-    found = []
-    for body, node in worst.items():
-        missed = _missed(run, body, node)
-        if missed > MISSED_STRESS:
-            text = f"{body}: its largest stress {say_output_step(run, missed)}"
-            found.append({"code": "coarse-output-times", "body": body, "text": text})
-    return found
+
+    def stress_of(motion: Motion) -> Iterator[Variable]:
+        for body, node in worst.items():
+            stress = run.stress_of(body, motion)
+            yield Variable(body, von_mises((stress.modal[node] @ stress.q.T)[None])[0], (), "Pa", "")
+
+    return [
+        {
+            "code": "coarse-output-times",
+            "body": body,
+            "text": f"{body}: its largest stress {say_output_step(run, missed)}",
+        }
+        for body, missed in (find_missed_peaks(run, stress_of) if worst else {}).items()
+        if missed.part > MISSED_PEAK
+    ]
 
 
 def say_missed(missed: float) -> str:
-    """Say what of a largest value may lie between output times."""
-    size = f"{100 * missed:.2g} %" if missed < 1.0 else f"{missed:.2g} times"
-    return f"may be {size}{' or more' if missed > UNRESOLVED_STRESS else ''} larger between output times"
+    """Say what of a largest value lies between output times."""
+    if math.isinf(missed):
+        return "is 0 at all output times, and not between them"
+    return f"is {f'{100 * missed:.2g} %' if missed < 1.0 else f'{missed:.3g} times'} larger between output times"
 
 
-def say_output_step(run: Pipeline, missed: float) -> str:
-    """Say what of a largest value may lie between output times, and which step resolves it or tells more."""
-    step = _one_digit_below(1e3 * run.scene.simulation.output_step * math.sqrt(MISSED_STRESS / missed))
-    tells = "tells more" if missed > UNRESOLVED_STRESS else f"resolves it to {100 * MISSED_STRESS:g} %"
-    return f"{say_missed(missed)}; simulation.output_step = '{step} ms' {tells}"
-
-
-def _missed(run: Pipeline, body: str, node: int) -> float:
-    """Return the part of a body's largest stress that may lie between output times."""
-    stress, motion = run.stress_of(body), run.motion
-    pieces = [part.name for part in run.pieces_of(body)]
-    rates = [motion.kinematics.modal_rates(motion.mechanism.number_of(piece)) for piece in pieces]
-    omega = np.concatenate([run.bodies[piece].omega for piece in pieces])
-    vibrating = replace(stress, modal=stress.modal[..., : len(omega)], q=stress.q[:, : len(omega)])
-    hidden = estimate_missed_vibration(vibrating, node, np.concatenate(rates, axis=1), omega)
-    return max(hidden, estimate_missed_peak(stress, node))
+def say_output_step(run: Pipeline, missed: MissedPeak) -> str:
+    """Say what of a largest value lies between output times, and which step resolves it."""
+    step = _one_digit_below(1e3 * min(missed.step, run.scene.simulation.output_step / 2.0))
+    return f"{say_missed(missed.part)}; simulation.output_step = '{step} ms' resolves it to {100 * MISSED_PEAK:g} %"
 
 
 def _one_digit_below(value: float) -> str:

@@ -66,7 +66,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         summary |= frequency_table(run)
         summary["bodies"] = {name: own | _body(run, name) for name, own in frequencies_by_body(run).items()}
     summary["warnings"] = run_warnings(run)
-    first, fine = run.motion, run.fine_motion
+    first = run.motion
     summary |= loop_figures(run) | periodic_figures(run) | contact_figures(run) | gear_teeth_figures(run)
     summary["largest_stable_step_s"] = run.system.largest_step if run.system.n else None
     summary["integrations"] = _integrations(run)
@@ -75,7 +75,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     summary["tip"] = dict(summary["final"]["tip"])
     summary["left_out_modes"] = _left_out_modes(run)
     if len(first.tip_link.omega):
-        summary["peak_tip_deflection_m"] = float(fine.tip_size.max())
+        summary["peak_tip_deflection_m"] = float(run.fine_motion.tip_size.max())
     histories = _element_histories(run)
     for name, values in histories.items():
         reference = values[next(iter(values))]

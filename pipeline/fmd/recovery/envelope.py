@@ -15,8 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.memory import ENVELOPE_FRAMES, ENVELOPE_NODES
-from fmd.core.limits.recovery import NEAR_LARGEST_STRESS
-from fmd.recovery.stress import StressHistory, von_mises
+from fmd.recovery.stress import StressHistory
 
 
 @dataclass(frozen=True)
@@ -59,38 +58,3 @@ def stress_envelope(stress: StressHistory, workers: int | None = None) -> Stress
         list(threads.map(search, range(0, n_nodes, ENVELOPE_NODES)))
     von_mises, high, low = extremes.T
     return StressEnvelope(stress.nodes, np.sqrt(von_mises), high, low, stress.times[frames])
-
-
-def estimate_missed_peak(stress: StressHistory, node: int) -> float:
-    """Estimate by how much the largest von Mises stress at a node is larger between output times, as a part of it.
-
-    Through three output times goes a parabola whose top is at most an eighth of their second difference beyond the
-    sampled ones; a vibration sampled less than about four times a period shows no more than that it is too fast. The
-    node is a place in ``stress.nodes``.
-    """
-    tensors = stress.modal[node] @ stress.q.T
-    sizes = von_mises(tensors[None])[0]
-    if len(sizes) < 3 or not sizes.max() > 0.0:
-        return 0.0
-    bent = von_mises(np.diff(tensors, 2, axis=1)[None])[0] / 8.0
-    near = np.maximum(np.maximum(sizes[:-2], sizes[1:-1]), sizes[2:]) >= NEAR_LARGEST_STRESS * sizes.max()
-    return float(bent[near].max() / sizes.max())
-
-
-def estimate_missed_vibration(stress: StressHistory, node: int, rates: Array, omega: Array) -> float:
-    """Estimate what vibrations hide between output times, as a part of the largest von Mises stress at a node.
-
-    A rate that differs from the coordinate's central difference belongs to a vibration that the output times don't
-    resolve; over the angular frequency it is what this vibration's amplitude has beside its displacement at that time.
-    So a vibration whose period the output times hit exactly is seen, too, although all its outputs are alike. The node
-    is a place in ``stress.nodes``; modal coordinates have rates (n_times, n) and frequencies (n,) [rad/s].
-    """
-    tensors = stress.modal[node] @ stress.q.T
-    sizes = von_mises(tensors[None])[0]
-    if len(sizes) < 3 or not sizes.max() > 0.0:
-        return 0.0
-    unresolved = rates[1:-1] - (stress.q[2:] - stress.q[:-2]) / (stress.times[2:] - stress.times[:-2])[:, None]
-    aside = np.abs(stress.q[1:-1] - (stress.q[:-2] + stress.q[1:-1] + stress.q[2:]) / 3.0)  # of the vibration's middle
-    further = np.hypot(aside, unresolved / omega) - aside
-    hidden = np.sqrt(((von_mises(stress.modal[node].T) * further) ** 2).sum(axis=1))
-    return max(float((sizes[1:-1] + hidden).max() / sizes.max()) - 1.0, 0.0)

@@ -13,7 +13,6 @@ import numpy as np
 from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
-from fmd.core.limits.recovery import FINER_TIMES, NEAR_LARGEST_DEFLECTION
 from fmd.core.paths import cache_folder
 from fmd.core.progress import Monitor, silent
 from fmd.recovery.deformation import Deformation, measure_deformation
@@ -299,11 +298,12 @@ class Pipeline:
         """Stress on the first flexible body's surface over the first run's motion."""
         return self.stress_of(self.part.name)
 
-    def stress_of(self, body: str) -> StressHistory:
-        """Stress on a flexible body's surface over the first run's motion."""
+    def stress_of(self, body: str, motion: Motion | None = None) -> StressHistory:
+        """Stress on a flexible body's surface over the first run's motion, or over another one."""
+        first = motion or self.motion
         if body in self.division.divided:
-            return self.division.divided[body].stress(self.motion)
-        part, first = self.parts[body], self.motion
+            return self.division.divided[body].stress(first)
+        part = self.parts[body]
         limitless, own = self.limitless_of(body), self.contact_deformation(body, first)
         history = StressHistory(part.surface.nodes, part.surface_stress, first.times, first.modal(body), limitless)
         return history if own is None else own.add_stress(history)
@@ -405,11 +405,10 @@ class Pipeline:
 
     @cached_property
     def fine_times(self) -> tuple[Array, IntArray]:
-        """Output times with many more around the tip's largest deflections [s]; which of them are output times."""
-        tip = self.motion.tip_size
-        near = (tip > 0) & (tip >= NEAR_LARGEST_DEFLECTION * tip.max())
-        numbers = np.r_[0, np.cumsum(np.where(near[:-1] | near[1:], FINER_TIMES, 1))]
-        return np.interp(np.arange(numbers[-1] + 1), numbers, self.output_times), numbers
+        """Output times with many more between them [s], which of all are output times: `find_fine_times`."""
+        from fmd.stages.plan import find_fine_times
+
+        return find_fine_times(next(iter(self.plans.values())), self.motion)
 
     @property
     def motion(self) -> Motion:

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import ConvergenceError, StabilityError
+from fmd.core.limits.recovery import FINER_TIMES, LEAST_FINER, MOST_FINE_TIMES, NEAR_LARGEST_DEFLECTION
+from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiled_system.positive_mass import require_positive_over
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.excited_modes import Excited
 from fmd.dynamics.mechanism import Mechanism
+from fmd.integrators.exponential import Exponential, PiecewiseExponential
 from fmd.integrators.protocol import Integrator, Progress, Trajectory
 from fmd.stages.run_checks import describe_fastest
+
+if TYPE_CHECKING:
+    from fmd.recovery.motion import Motion
 
 
 @dataclass(frozen=True)
@@ -83,6 +90,32 @@ class Plan:
 def repeat_choice(plan: Plan, trajectory: Trajectory) -> Plan:
     """Return a run's plan by the method and the step that an automatic choice ended with, which it made by marching."""
     return replace(plan, integrator=trajectory.chosen or plan.integrator)
+
+
+def find_fine_times(plan: Plan, motion: Motion) -> tuple[Array, IntArray]:
+    """Return the output times of a plan's motion with many more between them [s], and which of all are output times.
+
+    There are as many in each interval as `MOST_FINE_TIMES` allow, or in every n-th one, and more about the tip's
+    largest deflections. Where a method only interpolates within a step, they are steps' ends.
+    """
+    method, outputs, tip = repeat_choice(plan, motion.trajectory).integrator, motion.times, motion.tip_size
+    n_intervals = len(outputs) - 1
+    if not n_intervals:
+        return outputs, np.arange(1)
+    finer = max(LEAST_FINER, MOST_FINE_TIMES // n_intervals)
+    every = -(-n_intervals * finer // MOST_FINE_TIMES)
+    near = (tip > 0) & (tip >= NEAR_LARGEST_DEFLECTION * tip.max())
+    counts = np.where(np.arange(n_intervals) % every == 0, finer, 1)
+    counts = np.maximum(counts, np.where(near[:-1] | near[1:], FINER_TIMES, 1))
+    numbers = np.r_[0, np.cumsum(counts)]
+    times = np.interp(np.arange(numbers[-1] + 1), numbers, outputs)
+    if not method.step or isinstance(method, Exponential | PiecewiseExponential):
+        return times, numbers
+    steps = outputs / method.step
+    of_outputs = np.round(steps[np.abs(steps - np.round(steps)) < SOLVED])
+    times = np.union1d(outputs, method.step * np.setdiff1d(np.round(times / method.step), of_outputs))
+    times = times[times <= outputs[-1]]
+    return times, np.searchsorted(times, outputs)
 
 
 @dataclass(frozen=True)

@@ -412,9 +412,9 @@ def _march(run: Pipeline, label: str, plan: Plan) -> Trajectory:
 
 
 def march_finely(built: Pipeline) -> Motion:
-    """Return the motion by the first run at the output times and many more around the tip's largest deflections."""
-    times, _ = built.fine_times
-    if len(times) == len(built.output_times):  # nothing flexible is at the tip
+    """Return the motion by the first run, in the same steps, at the output times and many more between them."""
+    times, outputs = built.fine_times
+    if len(times) == len(outputs):
         return built.motion
     plan = repeat_choice(next(iter(built.plans.values())), built.motion.trajectory)
     return built.motion_by(plan, plan.march(times))

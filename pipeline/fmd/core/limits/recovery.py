@@ -21,16 +21,16 @@ INDEPENDENT_TERM = 0.02  # of a term's norm over the points: with less outside t
 
 # Stress.
 IN_A_ROW = 0.9  # cosine of the angle by which three elements in a row may turn
-NEAR_LARGEST_STRESS = 0.8  # of the largest von Mises stress
 APART = 0.1  # of the larger stress
 BESIDE_POINT = 0.5  # of the edge of a cube of the part's volume: stress so near a loaded point isn't the largest
 
 # Largest values.
 NEAR_LARGEST_DEFLECTION = 0.8  # of the tip's largest deflection
 FINER_TIMES = 32  # times as many times there tell what is largest between two output times
-OF_OUTPUT_STEP = 1e-5  # of the time between outputs: a step for derivatives of momenta along the motion
-MISSED_STRESS = 0.02  # of the largest stress, between output times
-UNRESOLVED_STRESS = 0.1  # of it: more than this is hidden by vibrations that hardly any output times follow
+MOST_FINE_TIMES = 8192  # times of a motion that tell what is largest between output times
+LEAST_FINER = 8  # times as many times there in an interval: with more output times only some intervals are looked into
+LONG_AGAIN = 2.0  # seconds of a march with contacts that isn't made again for what lies between output times
+MISSED_PEAK = 0.02  # of a largest value, between output times
 
 # Plies.
 INSIDE_PLY = 1e-9  # of a ply's thickness: how far its faces are within, where two plies meet
