@@ -126,3 +126,10 @@ def test_the_brief_has_the_answer_pictures_and_doubts_on_one_sheet(file: Path) -
     doubts = re.findall(r"<li>(.*?)</li>", brief)
     assert any("within" in text for text in doubts) or doubts
     assert np.mean([len(text) for text in doubts]) < 200
+
+
+def test_a_coordinate_that_stays_at_zero_is_drawn_beside_its_reaction(file: Path, tmp_path: Path) -> None:
+    still = SolvedScene(load_scene(file, ['simulation.gravity=["9.81 m/s^2", "0 m/s^2", "0 m/s^2"]'])).run
+    calls: list[Any] = []
+    draw_history(still, still.scene.output[0], tmp_path, lambda *given, **_: calls.append(given))
+    assert [frame.name for frame in calls[0][2]] == ["hinge.force", "hinge.position", "potential_energy"]

@@ -13,6 +13,7 @@ from fmd.cli.app import main
 from fmd.core.errors import InputError
 from fmd.output.campbell import compute_campbell, whirl_word
 from fmd.output.unbalance import compute_circular_response
+from fmd.responses.circular_forces import circular_response
 from fmd.scene.scene import load_scene
 from fmd.stages.pipeline import Pipeline
 
@@ -226,3 +227,16 @@ def test_what_the_command_cannot_take_is_refused(
 def test_what_turns_on_a_hub_is_refused() -> None:
     with pytest.raises(InputError, match="isn't a rotor in bearings"):
         compute_circular_response(Pipeline(load_scene("hinged-rotor")), "a.b", lambda rate: 1.0, RATES)
+
+
+@pytest.mark.parametrize("held", [0.0, 1e-5, 1e-4, 1e-3])
+def test_a_free_turn_that_a_mesh_out_of_round_holds_a_little_takes_no_part(held: float) -> None:
+    """An unbalance doesn't turn a rotor: as on a shaft that can't turn, whatever little stiffness the turn gets."""
+    K = np.diag([4e10, 3e4, 3e4, held])
+    K[3, 1:3] = K[1:3, 3] = 0.3 * np.sqrt(held)
+    A = np.block([[np.zeros((4, 4)), np.eye(4)], [-K, -np.diag([1.0, 2.0, 2.0, 0.0])]])
+    B = np.concatenate([np.zeros((4, 2)), [[1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1e-3, 0.0]]])
+    C = np.eye(8)[1:2], np.eye(8)[2:3]
+    moved, against = circular_response(A, B, C, 0.0)
+    assert abs(moved[0]) == pytest.approx(1.0 / 3e4, rel=1e-6)
+    assert against[0] == 0.0

@@ -80,7 +80,12 @@ def unbalance(
         for one in response.criticals
         for error in [_error(one.amplitude_error, 1e3)]
     ]
-    print_table(f"{response.title}, largest orbits", columns, rows)
+    if rows:
+        print_table(f"{response.title}, largest orbits", columns, rows)
+    else:
+        largest = 1e3 * float(response.amplitude[-1].max())
+        text = f"{response.title}: no orbit is largest below {to}; at it the largest radius is {largest:.4g} mm"
+        open_console().print(text, soft_wrap=True)
     if isinstance(response.errors, str):
         open_console().print(f"errors not stated: {response.errors}", soft_wrap=True)
     print_warnings(response.warnings)

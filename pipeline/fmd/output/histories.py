@@ -76,7 +76,10 @@ def draw_history(run: Pipeline, output: History, folder: Path, draw: Drawer = dr
 
 
 def _leave_out_round_off(variables: Sequence[Variable]) -> list[Variable]:
-    """Return the variables that aren't round-off beside others of their joint or marker, as moments of a hinge are."""
+    """Return the variables that aren't round-off beside others of their joint or marker, as moments of a hinge are.
+
+    A coordinate that stays at zero isn't left out: it says so.
+    """
     largest: dict[str, float] = {}
     for variable in variables:
         largest[_owner(variable)] = max(largest.get(_owner(variable), 0.0), float(np.abs(variable.values).max()))
@@ -84,8 +87,10 @@ def _leave_out_round_off(variables: Sequence[Variable]) -> list[Variable]:
 
 
 def _owner(variable: Variable) -> str:
-    """Return what has a variable beside others: of a formula itself."""
-    return variable.name if variable.units == OF_FORMULA else variable.name.rpartition(".")[0]
+    """Return what has a variable beside others: of a formula or a coordinate itself."""
+    owner, _, what = variable.name.rpartition(".")
+    of_itself = variable.units == OF_FORMULA or (owner and "." not in owner and what not in ("force", "moment"))
+    return variable.name if of_itself else owner
 
 
 def missed_peaks(run: Pipeline) -> dict[str, MissedPeak]:
