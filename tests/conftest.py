@@ -4,6 +4,7 @@ import gc
 import json
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from itertools import permutations
@@ -14,6 +15,9 @@ from unittest import mock
 _CACHE = Path(tempfile.mkdtemp(prefix="fmd-tests-"))
 # Processes share the cores: threads of their small products would wait for each other, and 70 times as long.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+# Bytecode is kept, that of tests with rewritten asserts, too: some hundred processes would each make it anew.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Kernels are shared by the processes of a run. A developer's stay from run to run, named by their source; the gate's
 # are compiled anew: there the first process makes the folder, and those that it starts inherit its name.
 _COLD = bool(os.environ.get("CI")) and "FMD_TEST_KERNELS" not in os.environ
