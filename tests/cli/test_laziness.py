@@ -23,6 +23,7 @@ print("\\n" + json.dumps(sorted({name.partition(".")[0] for name in sys.modules}
     name for name in sys.modules if name.startswith("fmd.")})))
 """
 QUICK = ["--set", "body.beam.mesh.divisions=[12, 1, 1]", "--set", "simulation.duration=50 ms"]
+QUICK += ["--set", "body.beam.element={root={at=['20 mm', '0 mm', '0 mm']}}"]
 FILM = '{type="film", file="motion.mp4", body="beam", frames=2, rate=20.0, size=[320, 180]}'
 DRAWN = ["--set", f'output=[{{type="chart", file="centre.png", quantity="centre_of_mass"}}, {FILM}]']
 

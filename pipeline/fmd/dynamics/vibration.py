@@ -22,7 +22,13 @@ def inertial_coupling(M: Array, n_slow: int) -> float:
 def frequencies(M: Array, K: Array) -> Array:
     """Return the angular frequencies (n,) of an undamped system, mass positive definite, ascending [rad/s].
 
-    They are 0 where a vibration has no stiffness, or a negative one.
+    They are 0 where a vibration has no stiffness, or a negative one. Raises as `stiffness_over_mass` does.
+    """
+    return np.asarray(np.sqrt(np.maximum(stiffness_over_mass(M, K), 0.0)))
+
+
+def stiffness_over_mass(M: Array, K: Array) -> Array:
+    """Return the eigenvalues (n,) of ``K x = λ M x`` of symmetric matrices, ascending [1/s²].
 
     Raises
     ------
@@ -33,7 +39,7 @@ def frequencies(M: Array, K: Array) -> Array:
         return np.zeros(0)
     L = _cholesky(M)
     scaled = np.linalg.solve(L, np.linalg.solve(L, K).T)  # L⁻¹ K L⁻ᵀ
-    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 0.0)))
+    return np.asarray(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)))
 
 
 def _cholesky(M: Array) -> Array:

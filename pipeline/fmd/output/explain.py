@@ -85,7 +85,8 @@ def forecast_run(solved: SolvedScene, pictures: bool, budget: bool) -> Forecast:
         planner.note(SETTINGS.name, "cached", _SAME)
     else:
         planner.note(SETTINGS.name, "skipped", "the scene leaves nothing open")
-    for name in ("fine motion", "strain", "modes", "surface", "stress", "element stress", "contact stress"):
+    of_places = ("stress", "element stress", "spot stress", "contact stress")
+    for name in ("fine motion", "strain", "modes", "surface", *of_places):
         planner.want(name)
     drawn, files, responses = (outputs_of(run.scene, stage) for stage in ("pictures", "files", "responses"))
     missing = [output for output in drawn if pictures and not planner.has_drawn(output)]

@@ -72,10 +72,10 @@ def spot_stress_warnings(run: Pipeline) -> list[dict[str, str]]:
     for body, part in run.wholes.items():
         if not part.elements or body not in run.parts:
             continue
-        points = np.array([part.shape.element[name].at for name in part.elements])
+        points = np.array([element.at for element in part.shape.element.values()])
         q = run.motion.modal(body)
         for name, point, middle, of_point, of_middle in zip(
-            part.elements, points, part.element_places, part.stress_at(points), part.element_stress, strict=True
+            part.elements, points, part.element_places, part.spot_stress, part.element_stress, strict=True
         ):
             there, here = (float(von_mises((modal @ q.T)[None])[0].max()) for modal in (of_point, of_middle))
             if abs(there - here) > APART * max(there, here):

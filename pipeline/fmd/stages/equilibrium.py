@@ -18,6 +18,7 @@ from fmd.dynamics.compiled_system.positive_mass import TOO_LIGHT
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.vibration import stiffness_over_mass
 from fmd.integrators.protocol import evaluate, evaluate_projection, move_positions
 from fmd.stability.tangent import differentiate
 from fmd.stages.assembly import free_directions
@@ -243,9 +244,7 @@ def _marker_turns(mechanism: Mechanism) -> tuple[Array, BoolArray]:
 
 def _shift(K: Array, M: Array) -> float:
     """Return the factor of the mass matrix that, added to a stiffness, leaves no motion without or against it."""
-    from scipy.linalg import eigh
-
-    values = eigh(0.5 * (K + K.T), M, eigvals_only=True) if len(K) else np.ones(1)
+    values = stiffness_over_mass(M, 0.5 * (K + K.T)) if len(K) else np.ones(1)
     least = max(limits.NO_STIFFNESS * largest(values), limits.LEAST_STIFFNESS)
     return 0.0 if values[0] > least else max(-limits.DOWNHILL * float(values[0]), least)
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.stages.meshing.bodies import find_name
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,6 +29,8 @@ def number_elements(named: Mapping[str, NamedElement], mesh: AnyMesh, file: str,
     for name, element in named.items():
         chosen = np.arange(len(x))
         if element.part:
+            from fmd.stages.meshing.bodies import find_name  # with all that makes meshes
+
             chosen = mesh.parts[find_name(mesh.parts, element.part, file, f"body.{body}.element.{name}.part", "part")]
         numbers[name] = int(chosen[np.linalg.norm(x[chosen] - element.at, axis=1).argmin()])
     return numbers

@@ -143,6 +143,14 @@ class FlexiblePart(KeyedPart):
         in_key=("mesh",),
         applies=lambda part: bool(part.shape.element),
     )
+    spot_stress: Stage[Array] = Stage(
+        "spot stress",
+        "part_results:recover_spot_stress",
+        ("mesh", "body"),
+        lambda part: {"body": part.key("body"), "points": [element.at for element in part.shape.element.values()]},
+        _STRESS,
+        applies=lambda part: bool(part.shape.element),
+    )
     deformation_shapes: Stage[DeformationShapes] = Stage(
         "deformation", "part_results:evaluate_deformation", ("mesh", "body"), digest_of_body, _DEFORMATION
     )
@@ -211,8 +219,10 @@ class FlexiblePart(KeyedPart):
         """A surface with its stress: of a mesh, or of a file that gives it."""
         if isinstance(self.shape, MatrixPart):  # told without reading the matrices
             return self.shape.may_have_stress
-        if self.has_mesh:
-            return all(own.midsurface is None or own.midsurface.stressed() for own in self.mesh.members)
+        if self.has_mesh:  # told without a mesh where no file has sections by numbers alone
+            return self.shape.shape != "mesh" or all(
+                own.midsurface is None or own.midsurface.stressed() for own in self.mesh.members
+            )
         return self.given_model.surface is not None
 
     @property

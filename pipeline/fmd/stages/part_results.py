@@ -139,6 +139,11 @@ def recover_element_stress(part: FlexiblePart) -> Array:
     return element_stress(part.space, part.material, part.body.shapes, numbers, part.element_sides)
 
 
+def recover_spot_stress(part: FlexiblePart) -> Array:
+    """Return the stress of each modal coordinate at the points that name elements of a part [Pa]."""
+    return part.stress_at(np.array([element.at for element in part.shape.element.values()]))
+
+
 def evaluate_deformation(part: FlexiblePart) -> DeformationShapes:
     """Evaluate rotation and strain of each modal coordinate of a part."""
     if not part.has_mesh:
