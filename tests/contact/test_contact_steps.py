@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.core.errors import ConvergenceError, InputError
+from fmd.core.limits.contact import CHOSEN_STEP
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from tests.contact.test_contact_points import BLOCK
 
@@ -32,15 +34,32 @@ def test_a_step_beyond_the_modes_own_limit_is_refused_before_contacts_are_found(
         _ = block("simulation.step=1 ms", "body.block.modes.enrich=inertia").mechanism
 
 
-def test_auto_is_refused_with_the_methods_and_the_step_they_need() -> None:
-    simulation = {key: value for key, value in BLOCK["simulation"].items() if key != "step"}
-    simulation["run"] = [{"integrator": "auto"}]
+def automatic(scene: dict[str, Any], error: float, **tables: Any) -> Pipeline:
+    simulation = {key: value for key, value in scene["simulation"].items() if key != "step"}
+    simulation |= {"run": [{"integrator": "auto"}], "error": error}
+    return Pipeline(load_scene(scene | {"simulation": simulation} | tables))
+
+
+def test_auto_halves_steps_of_an_implicit_method_until_figures_of_contacts_agree() -> None:
+    """Its impulse and largest force are those of explicit steps of 1 µs, which resolve what it passes over."""
+    run, fine = automatic(BLOCK, 5e-3), block("simulation.step=1 us")
+    ours, exact = (each.motion.contacts["floor"] for each in (run, fine))
+    assert list(run.motions) == ["generalized-alpha"]
+    assert run.motion.trajectory.step <= 0.125 * run.growths[0].step * CHOSEN_STEP / run.results["contact step"]
+    assert ours.impulse[-1] == pytest.approx(exact.impulse[-1], rel=1e-2, abs=1e-2 * np.abs(exact.impulse[-1]).max())
+    assert ours.largest[0] == pytest.approx(exact.largest[0], rel=1e-2)
+
+
+def test_auto_is_the_only_run_of_a_scene_with_contacts_and_other_steered_methods_are_refused() -> None:
+    runs = [{"integrator": "auto"}, {"integrator": "central-difference"}]
+    with pytest.raises(InputError, match=r"'auto': is a scene's only run with contacts; central-difference, "):
+        load_scene(BLOCK | {"simulation": BLOCK["simulation"] | {"run": runs}})
     told = (
-        r"simulation\.run\.0\.integrator = 'auto': takes no contact; central-difference, sub-cycling and "
-        r"generalized-alpha do, with simulation\.step = 'auto' or yours"
+        r"simulation\.run\.0\.integrator = 'Radau': takes no contact; 'auto' does, and central-difference, "
+        r"sub-cycling and generalized-alpha do, with simulation\.step = 'auto' or yours"
     )
     with pytest.raises(InputError, match=told):
-        block(simulation=simulation)
+        load_scene(BLOCK | {"simulation": BLOCK["simulation"] | {"run": [{"integrator": "Radau"}]}})
 
 
 def test_an_implicit_method_takes_a_step_by_its_modes_and_the_impulse_of_short_explicit_ones() -> None:

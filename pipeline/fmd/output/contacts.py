@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from fmd.accuracy.contact_errors import CONTACT_ERRORS
 from fmd.core.arrays import Array
 from fmd.core.limits.contact import FEW_ON_MESH, FEW_POINTS, LOST_ENERGY, UNSEEN_DEPTH
+from fmd.core.limits.errors import SAFETY
 from fmd.output.between_nodes import describe_depths
 from fmd.recovery.motion import Motion
 from fmd.recovery.wear import worn_faces
@@ -46,6 +48,7 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
 
     found += [{"code": "contact-material", "text": text} for text in material_faults(run)]
     found += [{"code": "contact-facing", "text": text} for text in facing_faults(run.motion)]
+    found += [{"code": "contact-step", "text": text} for text in _step_faults(run)]
     for motion in run.motions.values():
         for name, own in motion.contacts.items():
             part = own.lost_part(motion.energies[0])
@@ -77,6 +80,20 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
             )
             found.append({"code": "contact-unseen", "text": text})
     return found
+
+
+def _step_faults(run: Pipeline) -> Iterator[str]:
+    """Yield which contacts' impulses and largest forces are known to less than `auto` was asked for, by the step."""
+    wanted = run.scene.simulation.error
+    errors = run.results.get(CONTACT_ERRORS, {}) if run.scene.refines_contacts else {}
+    for name, own in errors.items():
+        for key, word in (("impulse_n_s", "impulse"), ("largest_force_n", "largest force")):
+            part, size = own[key].parts["step"], float(np.linalg.norm(own[key].value))
+            if isinstance(part, float) and part > SAFETY * wanted * size:
+                yield (
+                    f"contact.{name}: halvings of the step have brought its {word} to {100 * part / size:.2g} %, not "
+                    f"to the {100 * wanted:.2g} % of simulation.error; it changes by chance, or takes a step of yours"
+                )
 
 
 def _grid_faults(motion: Motion) -> Iterator[str]:

@@ -178,8 +178,12 @@ class CrossCheck:
         simulation = self.scene.simulation_table
         assert simulation is not None
         for number, run in enumerate(simulation.run):
-            if not run.takes_contact:
-                fault = f"takes no contact; {name_methods('takes_contact')} do, with simulation.step = 'auto' or yours"
+            if self.scene.refines_contacts and len(simulation.run) > 1:
+                fault = f"is a scene's only run with contacts; {name_methods('takes_contact')} stand beside others"
+                yield FaultError(fault, "simulation", "run", 0, "integrator")
+            if not (run.takes_contact or self.scene.refines_contacts):
+                mend = f"{name_methods('takes_contact')} do, with simulation.step = 'auto' or yours"
+                fault = f"takes no contact; 'auto' does, and {mend}"
                 yield FaultError(fault, "simulation", "run", number, "integrator")
         if getattr(self.scene, "accuracy", None) is not None:
             yield FaultError("can't be required of a scene with contacts: no error budget states theirs", "accuracy")

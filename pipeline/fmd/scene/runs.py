@@ -232,6 +232,9 @@ class AutoRun(SteeredRun):
     duration, else by ``generalized-alpha``, ``central-difference``, ``exponential-rosenbrock`` or ``runge-kutta``, by
     what the steps that each of them needs would cost. The summary names the one that was taken.
 
+    With contacts it stands for ``generalized-alpha`` where a face of elements touches, for ``central-difference`` where
+    only rigid surfaces do, with steps halved until impulses, largest forces and heat agree to ``simulation.error``.
+
     Examples
     --------
     ::
@@ -245,6 +248,13 @@ class AutoRun(SteeredRun):
     samples: ClassVar[bool] = True
 
     integrator: Literal["auto"]
+
+    @staticmethod
+    def in_contact(of_elements: bool) -> GeneralizedAlphaRun | CentralDifferenceRun:
+        """Return the run that it stands for where faces of elements touch, or rigid surfaces alone."""
+        if of_elements:
+            return GeneralizedAlphaRun(integrator="generalized-alpha")
+        return CentralDifferenceRun(integrator="central-difference")
 
     def _settings(self, step: float, error: float, duration: float) -> tuple[Any, ...]:
         return error, duration

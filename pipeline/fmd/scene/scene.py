@@ -17,6 +17,7 @@ from fmd.core.html import facts, scaled
 from fmd.core.units import PositiveFrequency, Share
 from fmd.scene.cross_checks import CrossCheck
 from fmd.scene.reading import Fault, FaultError, SceneTable, kinds_as_meant, list_faults, raise_faults
+from fmd.scene.runs import AutoRun
 from fmd.scene.scene_files import read_unchanged
 from fmd.scene.scene_tables import SceneTables
 from fmd.scene.simulation import Simulation
@@ -120,7 +121,7 @@ class Scene(SceneTables):
 
     @property
     def simulation(self) -> Simulation:
-        """The integration over time, of a scene that has one.
+        """The integration over time, of a scene that has one; with contacts ``"auto"`` is what it stands for.
 
         Raises
         ------
@@ -134,7 +135,10 @@ class Scene(SceneTables):
                 None,
                 "is missing: without it a scene has mesh and modes alone (`fmd mesh`, `fmd modes`), no motion",
             )
-        return self.simulation_table
+        if not self.refines_contacts:
+            return self.simulation_table
+        meant = AutoRun.in_contact(of_elements=bool(self.touching_faces))
+        return self.simulation_table.model_copy(update={"run": (meant,), "step": "auto"})
 
     @classmethod
     def _list_faults(cls, error: ValidationError, values: Mapping[str, Any], context: Mapping[str, Any]) -> list[Fault]:

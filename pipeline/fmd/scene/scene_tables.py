@@ -19,6 +19,7 @@ from fmd.scene.loads import Drive, MarkerLoad
 from fmd.scene.outputs import Output, with_only_body
 from fmd.scene.places import GroundPlace
 from fmd.scene.reading import SceneTable
+from fmd.scene.runs import AutoRun
 from fmd.scene.simulation import Simulation
 from fmd.scene.state_loads import VariableName
 from fmd.scene.values import Name
@@ -71,6 +72,12 @@ class SceneTables(SceneTable):
         """Contact, body and marker of each face of a flexible body that may touch something."""
         both = ((name, *end.partition(".")[::2]) for name, own in self.contact.items() for end in own.between)
         return tuple((name, body, face) for name, body, face in both if body in self.flexible)
+
+    @property
+    def refines_contacts(self) -> bool:
+        """True if steps are halved until contacts' figures agree: the run of a scene with contacts is ``"auto"``."""
+        table = self.simulation_table
+        return bool(self.contact) and table is not None and any(isinstance(own, AutoRun) for own in table.run)
 
     @property
     def rigid_in_contact(self) -> tuple[str, ...]:

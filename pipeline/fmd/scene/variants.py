@@ -31,7 +31,9 @@ def change_simulation(scene: Scene, **values: Any) -> Scene:
 
 def with_first_run(scene: Scene) -> Scene:
     """Return the scene with the first of its runs, whose motion results by their names are of."""
-    return change_simulation(scene, run=scene.simulation.run[:1]) if scene.moves else scene
+    if not scene.moves or scene.refines_contacts:  # which has one
+        return scene
+    return change_simulation(scene, run=scene.simulation.run[:1])
 
 
 def change_modes(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:

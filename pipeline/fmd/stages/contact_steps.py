@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from fmd.core.errors import InputError
-from fmd.core.limits.contact import LARGEST_STEP
+from fmd.core.limits.contact import LARGEST_STEP, LOST_ENERGY
 from fmd.dynamics.compiled_system.shared import make_system
 from fmd.scene.runs import name_methods
 from fmd.stages.run_checks import require_inertia
 
 if TYPE_CHECKING:
     from fmd.dynamics.mechanism import Mechanism
+    from fmd.recovery.motion import Motion
     from fmd.scene.scene import Scene
     from fmd.stages.pipeline import Pipeline
 
@@ -70,6 +74,33 @@ def step_of_modes(built: Pipeline) -> float:
     bodies = {name: built.parts[name] for _, name, _ in built.scene.touching_faces}
     counted = [part.body.omega[: part.shape.modes.count or None] for part in bodies.values()]
     return float(2.0 / max((omega.max(initial=0.0) for omega in counted), default=math.inf))
+
+
+def loses_energy(motion: Motion) -> bool:
+    """Return true if contact's steps made or lost more energy than is let pass without a warning."""
+    return any(own.lost_part(motion.energies[0]) > LOST_ENERGY for own in motion.contacts.values())
+
+
+def contact_change(one: Mapping[str, Motion], other: Mapping[str, Motion]) -> float:
+    """Return the largest relative change between motions of like runs in contacts' impulses, largest forces and heat.
+
+    It is infinite for motions that aren't there. Heat is compared with the largest of heat and kinetic energy.
+    """
+    found = 0.0 if one else math.inf
+    for label, motion in other.items() if one else ():
+        kinetic = float(motion.energies[0].max())
+        for name, own in motion.contacts.items():
+            its = one[label].contacts[name]
+            impulse, theirs = own.impulse[-1], its.impulse[-1]
+            heat, force = (at.friction_work[-1] + at.damping_work[-1] for at in (own, its)), own.largest[0]
+            mine, before = heat
+            pairs = [
+                (float(np.linalg.norm(impulse - theirs)), float(np.linalg.norm(impulse))),
+                (abs(force - its.largest[0]), force),
+                (abs(mine - before), max(abs(mine), kinetic)),
+            ]
+            found = max(found, *(change / size if size else 0.0 for change, size in pairs))
+    return found
 
 
 def halvings_to_closed(built: Pipeline) -> int:
