@@ -1,6 +1,7 @@
 """Quantities of joints and markers in the error budget: their names, their sizes, and what is left out."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from fmd.accuracy.details import detail_quantities, leave_out_nothing
 from fmd.accuracy.error_budget import state_errors
 from fmd.accuracy.error_estimates import OTHER_LOOPS, Quantity
 from fmd.accuracy.estimators import Estimates
+from fmd.core.cache import Cache
 from fmd.reduction.inertia import inertia_integrals
 
 QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
@@ -39,6 +41,32 @@ def test_an_error_of_a_place_is_relative_to_how_far_it_moves(beam: Pipeline) -> 
     assert place.error(shifted) == pytest.approx(0.1)
 
 
+FREE = """
+title = "Free"
+[body.arm]
+shape = "rigid"
+mass = "2 kg"
+inertia = ["0.013 kg m^2", "0.02 kg m^2", "0.02 kg m^2"]
+centre = ["0 m", "0 m", "0 m"]
+marker = { hinge = { at = ["0 m", "0 m", "0 m"] }, tip = { at = ["0.37 m", "0.11 m", "0.07 m"] } }
+[joint.loose]
+type = "free"
+parent = "ground"
+child = "arm.hinge"
+START
+[drive.couple]
+type = "point force"
+marker = "arm.hinge"
+direction = [0.3, 0.7, 0.1]
+force = { formula = "0", unit = "N" }
+[simulation]
+duration = "50 ms"
+output_step = "1 ms"
+tip = "arm.tip"
+run = [{ integrator = "runge-kutta" }]
+"""
+
+
 def test_what_is_round_off_has_no_row(beam: Pipeline) -> None:
     """The hub neither moves, nor does a beam in a plane bear a moment across it."""
     names = {row.name for row in state_errors(beam).details}
@@ -50,7 +78,19 @@ def test_what_solving_leaves_of_a_marker_that_a_loop_holds_has_no_row() -> None:
     """A linkage's foot on the ground had 2.3e-7 m/s² beside 156, stated within 315 % for 2930 %."""
     sizes = {"rocker.outer.acceleration": 2.3e-7, "rocker.inner.acceleration": 156.3, "crank.outer.acceleration": 1e-5}
     found = {name: Quantity(name, "m/s^2", size * np.eye(3)) for name, size in sizes.items()}
-    assert {*leave_out_nothing(found)} == {"rocker.inner.acceleration", "crank.outer.acceleration"}
+    mechanism = SimpleNamespace(mass=1.0, reach=1.0)
+    assert {*leave_out_nothing(found, mechanism)} == {"rocker.inner.acceleration", "crank.outer.acceleration"}
+
+
+def test_what_solving_leaves_of_a_free_body_that_only_turns_or_slides_has_no_row(tmp_path: Path) -> None:
+    """The joint had a moment of 2e-15 N m within 266 %, the sliding body an angular momentum of 7e-17 within 123 %."""
+    file = tmp_path / "free.toml"
+    for start in ('spin = ["13 rad/s", "7 rad/s", "50 rad/s"]', 'velocity = ["1 m/s", "2 m/s", "0.3 m/s"]'):
+        file.write_text(FREE.replace("START", start))
+        budget = state_errors(Pipeline(load_scene(file), Cache(None)))
+        assert budget.details
+        small = {row.name: (row.value, row.total) for row in (*budget.rows, *budget.details) if 0 < row.value < 1e-9}
+        assert not small
 
 
 def test_a_body_in_other_coordinates_gets_the_whole_inertia_of_its_own_shapes(beam: Pipeline) -> None:

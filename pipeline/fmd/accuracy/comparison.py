@@ -85,7 +85,7 @@ class Comparison:
             self.of_motion |= stress_quantities(run, self.motion, self.frames)
         self.requested = RequestedStress(run)
         requested = self.requested.quantities(run, self.motion, self.frames)
-        self.details = leave_out_nothing(detail_quantities(run.scene, self.motion) | requested)
+        self.details = leave_out_nothing(detail_quantities(run.scene, self.motion) | requested, run.mechanism)
         self.of_motion |= self.details
         self.quantities = self.of_mesh | self.of_motion
 

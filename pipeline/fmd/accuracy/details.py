@@ -21,6 +21,7 @@ from fmd.recovery.stress import choose_frames
 
 if TYPE_CHECKING:
     from fmd.accuracy.quantities import Quantities
+    from fmd.dynamics.mechanism import Mechanism
     from fmd.scene.scene import Scene
 
 # Variables that have a row of the same values in the budget under another name.
@@ -61,12 +62,20 @@ def detail_quantities(scene: Scene, motion: Motion) -> Quantities:
     return {quantity.name: quantity for quantity in found if quantity is not None}
 
 
-def leave_out_nothing(quantities: Quantities) -> Quantities:
-    """Return the quantities that aren't round-off beside the largest one of the same unit."""
+def leave_out_nothing(quantities: Quantities, mechanism: Mechanism) -> Quantities:
+    """Return the quantities that aren't round-off beside the largest one of the same unit, or of a related one.
+
+    To momentum the speed of markers is related, to what a free joint bears the forces that accelerate the bodies.
+    """
     largest: dict[str, float] = {}
     for quantity in quantities.values():
         largest[quantity.unit] = max(largest.get(quantity.unit, 0.0), quantity.scale)
-    return {name: each for name, each in quantities.items() if each.scale > NOTHING * largest[each.unit]}
+    mass, size = mechanism.mass, mechanism.reach
+    speed, force = largest.get("m/s", 0.0), max(largest.get("N", 0.0), mass * largest.get("m/s^2", 0.0))
+    related = {"rad/s": speed / size if size else 0.0, "kg m/s": mass * speed, "kg m^2/s": mass * speed * size}
+    related |= {"N": force, "N m": force * size, "m/s^2": force / mass if mass else 0.0}
+    least = {unit: NOTHING * max(own, related.get(unit, 0.0)) for unit, own in largest.items()}
+    return {name: each for name, each in quantities.items() if each.scale > least[each.unit]}
 
 
 def row_name(variable: str) -> str:

@@ -85,8 +85,7 @@ def find_missed_peaks(run: Pipeline, variables_of: Callable[[Motion], Iterable[V
             forces.append(np.max(np.abs(np.reshape(loads, (-1, 2, 3))), axis=(0, 2), initial=0.0))
     if forces:
         mechanism, (force, moment) = run.motion.mechanism, np.max(forces, axis=0)
-        markers = [own for link in mechanism.links for own in link.markers.values()]
-        moment = max(moment, force * max((np.linalg.norm(own.position) for own in markers), default=0.0))
+        moment = max(moment, force * mechanism.reach)
         nothing = {"N": force, "N m": moment, "m/s^2": force / mechanism.mass}
         for peak in found.values():
             peak.nothing = NOTHING * float(nothing.get(peak.unit, 0.0))

@@ -78,8 +78,9 @@ def _lies_in_space(motion: Motion) -> list[Quantity]:
         turned = OrientationQuantity(f"{link.joint_name}, orientation", "rad", quaternion_of_matrix(frame.rotation))
         if turned.scale > SUMMED:
             found.append(turned)
-        if link.joint.slides:
-            found.append(Quantity(f"{link.joint_name}, position", "m", frame.origin))
+        place = Quantity(f"{link.joint_name}, position", "m", frame.origin)
+        if link.joint.slides and place.scale > SUMMED * motion.mechanism.reach:
+            found.append(place)
     return found
 
 

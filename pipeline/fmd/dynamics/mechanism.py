@@ -185,6 +185,12 @@ class Mechanism:
         """Mass of all bodies [kg]."""
         return float(sum(link.integrals.mass for link in self.links))
 
+    @property
+    def reach(self) -> float:
+        """Largest distance of a marker from the origin of its body's frame [m]."""
+        places = [marker.position for link in self.links for marker in link.markers.values()]
+        return float(np.linalg.norm(places, axis=1).max()) if places else 0.0
+
     def number_of(self, body: str) -> int:
         """Number of the body of a name; of the first piece if it is the name of a part in pieces."""
         found = next((k for k, link in enumerate(self.links) if link.name == body), None)

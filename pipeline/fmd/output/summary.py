@@ -288,6 +288,16 @@ def _motion_warnings(run: Pipeline) -> list[dict[str, str]]:
         }
         for name, gap in find_jumping_tables(run.scene)
     ]
+    output_step = run.scene.simulation.output_step
+    for label, plan in run.plans.items():
+        method = plan.integrator
+        if method.step > output_step and method.step * plan.system.highest_frequency > 1.0:
+            text = (
+                f"{label}: outputs every {output_step:.4g} s lie within steps of {method.step:.4g} s, where fast "
+                "vibrations aren't known: accelerations and forces there may be far off; a longer "
+                "simulation.output_step, or a shorter step"
+            )
+            idle.append({"code": "outputs-within-steps", "text": text})
     return idle + [
         {
             "code": UNMOVED,
