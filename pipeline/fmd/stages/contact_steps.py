@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmd.core.errors import InputError
-from fmd.core.limits.contact import LARGEST_STEP, LOST_ENERGY
+from fmd.core.limits.contact import HALVED_STEPS, LARGEST_STEP, LOST_ENERGY
 from fmd.dynamics.compiled_system.shared import make_system
 from fmd.scene.runs import name_methods
 from fmd.stages.run_checks import require_inertia
@@ -76,28 +77,43 @@ def step_of_modes(built: Pipeline) -> float:
     return float(2.0 / max((omega.max(initial=0.0) for omega in counted), default=math.inf))
 
 
-def loses_energy(motion: Motion) -> bool:
-    """Return true if contact's steps made or lost more energy than is let pass without a warning."""
-    return any(own.lost_part(motion.energies[0]) > LOST_ENERGY for own in motion.contacts.values())
+def steps_settle(scene: Scene, found: Sequence[Mapping[str, Motion]]) -> bool:
+    """Return true if the last of motions by halved steps is to be taken.
+
+    Contact neither makes nor loses much energy in it and, where figures of contacts are to agree, they change no more
+    than that from the one before, or no less than before.
+    """
+    for motion in found[-1].values():
+        if any(own.lost_part(motion.energies[0]) > LOST_ENERGY for own in motion.contacts.values()):
+            return False
+    if not scene.refines_contacts:
+        return True
+    changes = [_contact_change(*pair) for pair in pairwise(found[-3:])]
+    return bool(changes) and (changes[-1] <= scene.simulation.error or (len(changes) > 1 and changes[1] >= changes[0]))
 
 
-def contact_change(one: Mapping[str, Motion], other: Mapping[str, Motion]) -> float:
+def most_halvings(built: Pipeline) -> int:
+    """Return how often steps of a scene with contacts may be halved: those that it leaves open."""
+    simulation = built.scene.simulation
+    free = built.scene.contact and simulation.step == "auto" and not any(each.step for each in simulation.run)
+    return HALVED_STEPS + halvings_to_closed(built) if free else 0
+
+
+def _contact_change(one: Mapping[str, Motion], other: Mapping[str, Motion]) -> float:
     """Return the largest relative change between motions of like runs in contacts' impulses, largest forces and heat.
 
-    It is infinite for motions that aren't there. Heat is compared with the largest of heat and kinetic energy.
+    Heat is compared with the largest of heat and kinetic energy.
     """
-    found = 0.0 if one else math.inf
-    for label, motion in other.items() if one else ():
+    found = 0.0
+    for label, motion in other.items():
         kinetic = float(motion.energies[0].max())
         for name, own in motion.contacts.items():
             its = one[label].contacts[name]
-            impulse, theirs = own.impulse[-1], its.impulse[-1]
-            heat, force = (at.friction_work[-1] + at.damping_work[-1] for at in (own, its)), own.largest[0]
-            mine, before = heat
+            heat, before = (float(at.friction_work[-1] + at.damping_work[-1]) for at in (own, its))
             pairs = [
-                (float(np.linalg.norm(impulse - theirs)), float(np.linalg.norm(impulse))),
-                (abs(force - its.largest[0]), force),
-                (abs(mine - before), max(abs(mine), kinetic)),
+                (float(np.linalg.norm(own.impulse[-1] - its.impulse[-1])), float(np.linalg.norm(own.impulse[-1]))),
+                (abs(own.largest[0] - its.largest[0]), own.largest[0]),
+                (abs(heat - before), max(abs(heat), kinetic)),
             ]
             found = max(found, *(change / size if size else 0.0 for change, size in pairs))
     return found

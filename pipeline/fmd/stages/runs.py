@@ -12,7 +12,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, ConvergenceError, InertiaError, InputError, StabilityError
-from fmd.core.limits.contact import CHOSEN_STEP, HALVED_STEPS, LARGEST_STEP, SHOCK_STEPS
+from fmd.core.limits.contact import CHOSEN_STEP, LARGEST_STEP, SHOCK_STEPS
 from fmd.core.limits.mechanism import NO_FORCE
 from fmd.core.limits.stability import ALLOWED_GROWTH, LEAST_CYCLES, SURELY_STABLE, TRIED_PART, TRIED_TIMES
 from fmd.dynamics.compiled_system.shared import share_system
@@ -24,14 +24,7 @@ from fmd.integrators.work_bounds import round_down
 from fmd.scene.run_table import SubCycledRun
 from fmd.stability.safe_step import longest_safe_step
 from fmd.stages.buckling import StiffnessChange, find_changes, require_unbuckled
-from fmd.stages.contact_steps import (
-    contact_change,
-    halvings_to_closed,
-    loses_energy,
-    remedies_of_contact,
-    step_key,
-    step_of_modes,
-)
+from fmd.stages.contact_steps import most_halvings, remedies_of_contact, step_key, step_of_modes, steps_settle
 from fmd.stages.found_together import known_marches, known_points
 from fmd.stages.like_mechanisms import build_like
 from fmd.stages.mechanism import find_start, place_joints
@@ -358,17 +351,12 @@ def find_motions(run: Pipeline) -> dict[str, Motion]:
     So it is where figures of contacts have to agree with half the step, until their change no longer falls. The errors
     are those of `Pipeline.motions`.
     """
-    simulation, change = run.scene.simulation, np.inf
-    longer: dict[str, Motion] = {}
-    free = run.scene.contact and simulation.step == "auto" and not any(each.step for each in simulation.run)
-    for _ in range(HALVED_STEPS + halvings_to_closed(run) if free else 0):
+    found: list[dict[str, Motion]] = []
+    for _ in range(most_halvings(run)):
         with suppress(ConvergenceError):
-            motions = _find_whole_motions(run)
-            before, change = change, contact_change(longer, motions)
-            agrees = not run.scene.refines_contacts or change <= simulation.error or before <= change < np.inf
-            if agrees and not any(loses_energy(motion) for motion in motions.values()):
-                return motions
-            longer = motions
+            found = [*found[-2:], _find_whole_motions(run)]
+            if steps_settle(run.scene, found):
+                return found[-1]
         run.results["contact step"] = 0.5 * run.results.get("contact step", CHOSEN_STEP)
         forget(run, "stability")
     return _find_whole_motions(run)
