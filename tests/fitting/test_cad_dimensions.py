@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 import fmd as package
+from fmd.cli import sensitivities
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.fitting.changed_scene import write_changed_scene
-from fmd.fitting.parameters import find_parameter
+from fmd.fitting.parameters import Parameter, find_parameter
+from fmd.fitting.sensitivities import Sensitivity
+from fmd.output.channels import ResultChannel
 from tests.fitting.test_sensitivities import BAR, by_key
 from tests.meshes.test_cad_morph import BRACKET, volume_of
 
@@ -86,6 +89,17 @@ def test_a_script_in_proportion_obeys_laws_of_scale(tmp_path: Path) -> None:
     # Nodes within the bore's curved face aren't in proportion, between chords that are.
     assert by_key(found, "mass")[key].relative == pytest.approx(3.0, rel=1e-4)
     assert by_key(found, "part.frequency.1")[key].relative == pytest.approx(-1.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("unit", "number", "told"), [("Pa", "bore", True), ("kg", "bore", False), ("Pa", "", False)])
+def test_stress_by_dimensions_of_a_script_is_said_to_have_errors_of_the_mesh(
+    unit: str, number: str, told: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key = f"body.part.mesh.parameter.{number}" if number else "body.part.E"
+    one = np.ones(())
+    found = Sensitivity(ResultChannel("of", unit, lambda run: one), Parameter(key, 1.0, "m"), one, one, one)
+    sensitivities._print([found], [found.row()])
+    assert ("what elements leave out" in " ".join(capsys.readouterr().out.split())) is told
 
 
 def test_dimensions_of_a_bar_of_tetrahedra_add_up_to_the_law_of_scale(tmp_path: Path) -> None:

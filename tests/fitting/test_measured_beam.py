@@ -20,9 +20,9 @@ title = "Measured beam"
 [body.beam]
 shape = "bar"
 length = "{LENGTH:g} m"
-depth = "8 mm"
+depth = "10 mm"
 width = "{WIDTH:g} m"
-E = "210 GPa"
+E = "140 GPa"
 nu = {NU:g}
 rho = "{RHO:g} kg/m^3"
 mesh = {{ divisions = [40, 2, 1] }}
@@ -40,6 +40,7 @@ duration = "0.1 s"
 output_step = "1 ms"
 step = "auto"
 tip = "beam.end"
+stiffening = "off"
 run = [{{ integrator = "auto" }}]
 """
 

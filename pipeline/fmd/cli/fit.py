@@ -18,7 +18,7 @@ from fmd.scene.fit import FitTable
 from fmd.sweep.points import split_names
 
 if TYPE_CHECKING:
-    from fmd.fitting.fit import Fit
+    from fmd.fitting.fit_result import Fit
     from fmd.stages.pipeline import Pipeline
 
 
@@ -70,11 +70,9 @@ def fit(
     if not files:
         mend = "is missing: a file of measurements, here or in the scene, [[fit.experiment]]"
         raise InputError("--to", "", None, mend)
-    sigmas = dict(_read_sigma(text) for text in split_names("--sigma", sigma or table.sigma))
     varied = read_varied(run, split_names("--vary", vary or table.vary), split_names("--prior", prior or table.prior))
-    keys = [each.parameter.key for each in varied]
-    runs = [_open_experiment(run, scene, options, text, keys) for text in files]
-    experiments = read_experiments(runs, sigmas)
+    runs = [_open_experiment(run, scene, options, text, [each.parameter.key for each in varied]) for text in files]
+    experiments = read_experiments(runs, dict(map(_read_sigma, split_names("--sigma", sigma or table.sigma))))
     histories = [channel.name for each in experiments if each.in_time for channel in each.channels]
     varied += read_shifts(split_names("--shift", shift or table.shift), histories)
     found = fit_scene(experiments, varied, starts or table.starts, run.store.monitor)

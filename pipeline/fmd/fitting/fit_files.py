@@ -12,7 +12,7 @@ from fmd.core.arrays import Array
 from fmd.core.files import number_texts, write_table, write_text
 from fmd.core.limits.shown import DIGITS
 from fmd.fitting.changed_scene import write_changed_scene
-from fmd.fitting.fit import Fit
+from fmd.fitting.fit_result import Fit
 from fmd.fitting.optimise import Optimum
 from fmd.fitting.sensitivities import Sensitivity
 from fmd.fitting.uncertainty import Uncertainty
