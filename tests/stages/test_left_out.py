@@ -75,3 +75,26 @@ def test_a_support_holds_all_nodes_of_a_set_that_is_no_face(tmp_path: Path, monk
     assert frequencies({"face": "EDGE"}) == pytest.approx(frequencies(edge), rel=1e-12)
     more = edge, {"edge": [[0, 1, 0], [1, 1, 0]]}, upright
     assert frequencies({"face": "MORE"}) == pytest.approx(frequencies(*more), rel=1e-12)
+
+
+def test_sections_that_are_not_read_are_warned_of_where_a_thickness_stands_for_them(tmp_path: Path) -> None:
+    grids = [f"GRID,{k},,{x},{y},0." for k, (x, y) in enumerate([(0, 0), (1, 0), (1, 1), (0, 1)], start=1)]
+    deck = ["BEGIN BULK", *grids, "CQUAD4,1,1,1,2,3,4", "PSHELL,1,1,0.01,,,,,0.1", "ENDDATA"]
+    (tmp_path / "a.bdf").write_text("\n".join(deck))
+    scene = table(repair=False)
+    scene["body"]["cube"]["mesh"] = {"file": str(tmp_path / "a.bdf"), "unit": "m", "shell": "20 mm"}  # type: ignore[index]
+    (warning,) = (each for each in mode_warnings(fmd.load(scene).run) if each["code"] == "left-out")
+    assert warning["text"].startswith("cube: sections of shells that aren't read: PSHELL 1 has NSM = 0.1 and 1 more; ")
+
+
+def test_a_run_whose_output_has_no_place_for_motion_of_second_order_says_so() -> None:
+    shaft = {"shape": "shaft", "segment": [{"length": 0.3, "diameter": 0.02}], "mesh": {"size": 0.05}}
+    scene = table(repair=False)
+    scene["body"]["cube"] |= shaft  # type: ignore[index]
+    found = {}
+    for to, end in (("mbdyn", "fem"), ("exudyn", "npz"), ("sid", "SID_FEM")):
+        scene["output"] = [{"type": "export", "body": "cube", "format": to, "file": f"a.{end}"}]
+        found[to] = [each["text"] for each in mode_warnings(fmd.load(scene).run) if "second" in each["code"]]
+    assert "format mbdyn has no place" in found["mbdyn"][0]
+    assert "format exudyn has no place" in found["exudyn"][0]
+    assert found["sid"] == []

@@ -103,7 +103,9 @@ class PipelineBody(ExportedBody):
 
 def left_out(run: Pipeline, name: str, body: str | None) -> str | None:
     """Return what a format has no place for in a body, though it never is left out here; ``None`` without."""
-    if body is None or body_format(name).second_order or run.parts[body].is_reduced or run.parts[body].fe.arms is None:
+    if body is None or body not in run.parts or body_format(name).second_order:
+        return None
+    if run.parts[body].is_reduced or run.parts[body].fe.arms is None:
         return None
     return (
         f"{body}: as links, lumped masses and sections of beams turn, they are drawn in by ½ θ × (θ × r), for which "

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from fmd.core.limits.scene import LUMPING_COUNTS, POOR_QUALITY
+from fmd.output.formats import left_out
 from fmd.reduction.rotating import rotating_modes
 from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.magnitudes import UNUSUAL, find_unusual
+from fmd.scene.outputs import Export
 from fmd.stages.file_sizes import unusual_sizes
 from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
@@ -101,17 +103,21 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
                 f"would bend the body in an arbitrary direction, so {count + more} modes are taken instead of {count}"
             )
             found.append({"code": "mode-pair-completed", "body": name, "text": text})
+    exports = [own for own in run.scene.output if isinstance(own, Export) and own.format]
+    without = [(own.body, left_out(run, own.format or "", own.body)) for own in exports]
+    found += [{"code": "second-order-left-out", "body": body, "text": text} for body, text in without if body and text]
     return found
 
 
 def _midsurface_warnings(name: str, part: FlexiblePart) -> list[dict[str, str]]:
-    """Warn of a midsurface whose volume isn't the solid's, and of shells and beams that are hinged to solids."""
+    """Warn of a midsurface whose volume isn't the solid's, of hinges to solids, and of sections that aren't read."""
     if not part.mesh_notes:
         return []
+    from fmd.fem.formats.import_shell import THICKNESS_ALONE
     from fmd.fem.joined import HINGE_MEND
     from fmd.stages.meshing.cad_files import UNLIKE_SOLID
 
-    codes = {UNLIKE_SOLID: "midsurface-volume", HINGE_MEND: "hinge"}
+    codes = {UNLIKE_SOLID: "midsurface-volume", HINGE_MEND: "hinge", THICKNESS_ALONE: "left-out"}
     return [
         {"code": code, "body": name, "text": f"{name}: {note}"}
         for end, code in codes.items()

@@ -16,6 +16,7 @@ from fmd.fem.mesh import SolidMesh
 from fmd.fem.midsurface import Layup
 from fmd.fem.thicken import Sheet, thicken
 
+THICKNESS_ALONE = "mesh.shell's thickness is all that shells have in their place"
 SHELLS = {"triangle": 3, "quad": 4}
 _NONE = np.empty(0, dtype=np.int64)
 
@@ -106,6 +107,8 @@ def take_shells(
         )
     used, place = number_used(cells, len(raw.points))
     t, offset, layup = _sections(raw, of, cells, scale, section[0])
+    if raw.shell_faults and section[0] is not None:
+        notes.append(f"sections of shells that aren't read: {_listed(raw.shell_faults)}; {THICKNESS_ALONE}")
     sets = {name: _members(chosen, of) for name, chosen in raw.cell_sets.items()}
     sets = {name: own for name, own in sets.items() if len(own)}
     rest = np.setdiff1d(np.arange(len(cells)), np.concatenate([_NONE, *sets.values()]))
@@ -149,10 +152,8 @@ def _sections(
     if not raw.shells and thickness is None:
         raise MeshFileError("says no thickness of its shells; give one, mesh.shell = '2 mm'")
     if raw.shell_faults and thickness is None:
-        more = "" if len(raw.shell_faults) == 1 else f" and {len(raw.shell_faults) - 1} more"
-        raise MeshFileError(
-            f"sections of shells that aren't read: {raw.shell_faults[0]}{more}; give mesh.shell a thickness"
-        )
+        listed = _listed(raw.shell_faults)
+        raise MeshFileError(f"sections of shells that aren't read: {listed}; give mesh.shell a thickness")
     t, offset = np.full(cells.shape, np.nan if thickness is None else thickness), np.zeros(len(of))
     stack, direction = np.full(len(of), -1), np.zeros((len(of), 3))
     for b, block in enumerate(raw.shells):
@@ -170,6 +171,11 @@ def _sections(
         return t, offset, None
     stacks = tuple(tuple((name, scale * each, angle) for name, each, angle in plies) for plies in raw.stacks)
     return t, offset, Layup(stacks, stack, direction)
+
+
+def _listed(faults: list[str]) -> str:
+    """Return the first fault and how many more there are."""
+    return faults[0] + ("" if len(faults) == 1 else f" and {len(faults) - 1} more")
 
 
 def _members(chosen: list[IntArray], of: IntArray) -> IntArray:
