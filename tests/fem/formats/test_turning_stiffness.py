@@ -25,6 +25,7 @@ from fmd.fem.geometric_stiffness import geometric_stiffness, reduced_geometric_s
 from fmd.fem.material import Material
 from fmd.fem.model import FEModel
 from fmd.fem.sections import rectangular_section
+from fmd.fem.thicken import Sheet, thicken
 from fmd.output.formats import write_format
 from fmd.output.frequencies import rotating_table
 from fmd.reduction.eigen import FreeBodySolver
@@ -48,24 +49,30 @@ def own_beams(x: Array) -> tuple[FEModel, sp.csr_array]:
         replace(drawn, torsion=float(drawn.moments.sum())),
     )  # whose shear has the forces and torque of its nodes
     fe = assemble(extrude(Beams(x, ends, np.array(axes), section, np.zeros(len(ends), int), {}, {})), 1, ALLOY)
+    return fe, moved_by_nodes(fe, x)
+
+
+def moved_by_nodes(fe: FEModel, x: Array) -> sp.csr_array:
+    """Return points by displacement and rotation of each node at x."""
     owner = fe.discretisation.mesh.midsurface.owner  # type: ignore[union-attr]
     owner = np.concatenate([owner, np.arange(len(x))])
     entries = rigid_motions(fe.x[: len(owner)] - x[owner])
     columns = 6 * owner[:, None, None] + np.arange(6) + np.zeros((1, 3, 1), dtype=int)
     rows = 3 * np.arange(len(owner))[:, None, None] + np.arange(3)[:, None] + np.zeros((1, 1, 6), dtype=int)
     shape = 3 * len(fe.x), 6 * len(x)
-    return fe, sp.csr_array((entries.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
+    return sp.csr_array((entries.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
 
 
 def turned_stiffness(fe: FEModel, G: sp.csr_array, y: Array) -> Array:
-    """Return the geometric stiffness of beams at displacements and rotations y (6 n, k) of nodes, (k, 6 n, 6 n)."""
+    """Return the geometric stiffness of beams or shells at displacements and rotations y (6 n, k) of nodes, (k, 6 n, 6 n)."""
     u = (G @ y).reshape(-1, 3, y.shape[1])
     by_node = G.toarray().reshape(len(fe.x), 3, -1)
-    assert fe.arms is not None
+    arms = fe.directors if fe.arms is None else fe.arms
+    assert arms is not None
     elements = list(geometric_stiffness(fe, u))
     for k in elements:
         k.resize((len(fe.x), len(fe.x)))
-    by_arms = fe.arms.stiffness(-(fe.K @ G @ y).reshape(u.shape), by_node)
+    by_arms = arms.stiffness(-(fe.K @ G @ y).reshape(u.shape), by_node)
     return by_arms + [(G.T @ sp.kron(k, sp.eye_array(3)) @ G).toarray() for k in elements]
 
 
@@ -110,6 +117,34 @@ def test_a_frame_of_beams_has_the_geometric_stiffness_of_its_files_under_any_loa
     (found,) = reduced_geometric_stiffness(stressed, (u @ share)[:, :, None], shapes)
     wanted = y.T @ np.einsum("k,kij->ij", share, given) @ y
     assert np.abs(found - wanted).max() < 1e-5 * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("folded", [False, True])
+def test_shells_whose_normals_turn_freely_are_read_with_their_geometric_stiffness(folded: bool, tmp_path: Path) -> None:
+    """Nothing resists a turn about the normal of a flat shell, along an axis or obliquely: it follows its neighbours."""
+    x = np.array([(i, j, folded * max(i - 2, 0)) for i in range(5) for j in range(4)]) * 0.05
+    cells = np.array([[k, k + 4, k + 5, k + 1] for k in range(16) if k % 4 < 3])
+    sheet = Sheet(
+        x, cells, np.full((12, 4), 0.004), {"all": np.arange(12)}, {}, {}, ("bottom", "top"), np.zeros(12), None
+    )
+    fe = assemble(thicken(sheet), 1, ALLOY)
+    x = fe.discretisation.mesh.midsurface.nodes  # type: ignore[union-attr]
+    G = moved_by_nodes(fe, x)
+    K, M = ((G.T @ A @ G).toarray() for A in (fe.K, sp.kron(fe.m, sp.eye_array(3))))
+    model = read_matrices(*write(tmp_path, x, K, M), SI, 6)
+    assert isinstance(model, SixUnknownsModel)
+    solver, rng = FreeBodySolver(model), np.random.default_rng(5)
+    assert solver.modes(4).omega == pytest.approx(FreeBodySolver(fe).modes(4).omega, rel=1e-3)  # masses are lumped
+    u = solver.static_response(inertia_of(model, list(rng.normal(size=(2, len(model.x), 3)))))
+    given = turned_stiffness(fe, G, by_node(model, u))
+    for k, own in enumerate(given):
+        sp.save_npz(tmp_path / f"kg-{k}.npz", sp.csr_array(1e6 * own))
+    stressed = read_geometric_stiffness(model, sorted(tmp_path.glob("kg-*.npz")), SI[:2])
+    shapes = np.asarray(model.T @ rng.normal(size=(model.T.shape[1], 3))).reshape(-1, 3, 3)  # type: ignore[union-attr]
+    y, share = by_node(model, shapes), rng.normal(size=2)
+    (found,) = reduced_geometric_stiffness(stressed, (u @ share)[:, :, None], shapes)
+    wanted = y.T @ np.einsum("k,kij->ij", share, given) @ y
+    assert np.abs(found - wanted).max() < 1e-10 * np.abs(wanted).max()
 
 
 def clamped(model: SixUnknownsModel, y: Array) -> Array:

@@ -48,6 +48,7 @@ CAD_DIGITS = 2  # of the size of elements that nobody gave
 DEEPEST_LINKS = 20  # links that hang on links
 ON_A_LINE = 1e-9  # smallest over largest second moment of nodes that lie on a line
 RIGID_RESIDUAL = 1e-6  # of an equation's coefficients, in rotations times the body's extent: digits of a deck
+IDLE_TURN = 1e-10  # stiffness and inertia of a node's rotation over the largest about its axes, that resist nothing
 IDLE = 1e-10  # square of a link's displacements over the largest, by motions in which the nodes tied to it stand still
 
 # Ties.

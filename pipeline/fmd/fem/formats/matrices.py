@@ -104,8 +104,6 @@ def _scalar(path: Path, M: sp.csr_array) -> sp.csr_array:
 
 def _tied(model: SixUnknownsModel, deck: Connections, path: Path) -> SixUnknownsModel:
     """Return the model with what a deck's links join, which aren't in its matrices."""
-    if not (deck.rigid or deck.mean or deck.equations):
-        return model
     with as_input_error(str(path)):
         return tie_matrices(model, deck)
 

@@ -64,9 +64,8 @@ class SixUnknownsModel(MatrixModel):
 
     def loads_of_nodes(self, forces: Array, length: float) -> Array:
         """Return forces and moments of nodes (n_nodes, 6) that forces on points (n_points, 3) are."""
-        assert self.T is not None
         n, turns = len(self.labels), np.flatnonzero(self.turning >= 0)
-        own = (self.T.T @ forces.ravel()).reshape(-1, 3)
+        own = (_maps(self.positions, self.x[:n], turns)[0].T @ forces.ravel()).reshape(-1, 3)
         loads = np.concatenate([own[:n], np.zeros((n, 3))], axis=1)
         loads[turns, 3:] = own[n:] / length
         return loads

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.mesh import IDLE_TURN
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms, second_of_mean, second_of_rigid
 from fmd.fem.connections import Connections, MeanConnection, RigidConnection
@@ -34,10 +35,11 @@ def tie_matrices(model: SixUnknownsModel, deck: Connections) -> SixUnknownsModel
     ValueError
         A connection hangs on another, or is of a kind that isn't read.
     """
-    assert model.T is not None
-    assert model.arms is not None
     if deck.equations:
         raise ValueError(f"{deck.equations[0].label} isn't in KGG, which comes before it, and isn't read with matrices")
+    if model.arms is None:
+        return model
+    assert model.T is not None
     moved = np.concatenate([np.zeros(0, int), *(e.points[1:] for e in deck.rigid), *(e.points[:1] for e in deck.mean)])
     ties = Constraints(model.T.shape[1], 0)
     arms = model.arms
@@ -64,9 +66,39 @@ def tie_matrices(model: SixUnknownsModel, deck: Connections) -> SixUnknownsModel
         second = second_of_mean(model.x[own] - marker.position, places, marker.rotation_weights)
         arms = _carried(arms, own, _link(model, first), second, True)
         ties.give(np.concatenate([_moves(first), _turns(model, first)]), np.concatenate(list(map(_moves, others))), six)
+    _follow_idle_turns(model, ties)
     C, independent = ties.transformation()
+    if C.shape[0] == C.shape[1]:
+        return model
     n_turning = int(np.count_nonzero(independent >= 3 * len(model.labels)))
     return replace(model, T=sp.csr_array(model.T @ C), link_unknowns=n_turning, arms=arms)
+
+
+def _follow_idle_turns(model: SixUnknownsModel, ties: Constraints) -> None:
+    """Let nodes turn as those around them do in the mean about an axis that nothing resists, as a shell's normal is."""
+    assert model.T is not None
+    n, turns = len(model.labels), np.flatnonzero(model.turning >= 0)
+    resistance = np.zeros((len(turns), 3, 3))
+    for A in (model.given_stiffness, sp.csr_array(model.T.T @ model.M @ model.T)):
+        own = sp.csr_array(A[3 * n :, 3 * n :])
+        largest = abs(own).max() if own.nnz else 0.0
+        for a in range(3):
+            for b in range(3):
+                resistance[:, a, b] += own[a::3, b::3].diagonal() / (largest or 1.0)
+    sizes, axes = np.linalg.eigh(resistance)
+    idle = sizes <= IDLE_TURN * sizes[:, 2:]
+    for node, axis in zip(turns[idle.sum(axis=1) == 1], axes[idle.sum(axis=1) == 1, :, 0], strict=True):
+        columns, stored = _turns(model, node), model.given_stiffness[3 * node + np.arange(3)].indices
+        around = np.setdiff1d(stored[stored < 3 * n] // 3, node)
+        by_others = axis @ weighted_marker(around, model.x[around], np.ones(len(around))).rotation_weights.reshape(
+            3, -1
+        )
+        if ties.are_given(columns).any() or not by_others.any():
+            continue
+        first, *others = np.argsort(-np.abs(axis))
+        unknowns = np.concatenate([*map(_moves, around), columns[others]])
+        row = np.concatenate([by_others, -axis[others]]) / axis[first]
+        ties.give(columns[[first]], unknowns, row[None])
 
 
 def references(deck: Connections) -> IntArray:
