@@ -64,7 +64,7 @@ def moved_by_nodes(fe: FEModel, x: Array) -> sp.csr_array:
 
 
 def turned_stiffness(fe: FEModel, G: sp.csr_array, y: Array) -> Array:
-    """Return the geometric stiffness of beams or shells at displacements and rotations y (6 n, k) of nodes, (k, 6 n, 6 n)."""
+    """Return geometric stiffness (k, 6 n, 6 n) of beams or shells at displacements and rotations y (6 n, k) of nodes."""
     u = (G @ y).reshape(-1, 3, y.shape[1])
     by_node = G.toarray().reshape(len(fe.x), 3, -1)
     arms = fe.directors if fe.arms is None else fe.arms
@@ -121,7 +121,7 @@ def test_a_frame_of_beams_has_the_geometric_stiffness_of_its_files_under_any_loa
 
 @pytest.mark.parametrize("folded", [False, True])
 def test_shells_whose_normals_turn_freely_are_read_with_their_geometric_stiffness(folded: bool, tmp_path: Path) -> None:
-    """Nothing resists a turn about the normal of a flat shell, along an axis or obliquely: it follows its neighbours."""
+    """Nothing resists a turn about a flat shell's normal, along an axis or obliquely: it follows its neighbours."""
     x = np.array([(i, j, folded * max(i - 2, 0)) for i in range(5) for j in range(4)]) * 0.05
     cells = np.array([[k, k + 4, k + 5, k + 1] for k in range(16) if k % 4 < 3])
     sheet = Sheet(
