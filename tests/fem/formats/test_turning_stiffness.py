@@ -64,7 +64,7 @@ def moved_by_nodes(fe: FEModel, x: Array) -> sp.csr_array:
 
 
 def turned_stiffness(fe: FEModel, G: sp.csr_array, y: Array) -> Array:
-    """Return geometric stiffness (k, 6 n, 6 n) of beams or shells at displacements and rotations y (6 n, k) of nodes."""
+    """Return the K_G (k, 6 n, 6 n) of beams or shells at displacements and rotations y (6 n, k) of nodes."""
     u = (G @ y).reshape(-1, 3, y.shape[1])
     by_node = G.toarray().reshape(len(fe.x), 3, -1)
     arms = fe.directors if fe.arms is None else fe.arms

@@ -90,9 +90,8 @@ def _follow_idle_turns(model: SixUnknownsModel, ties: Constraints) -> None:
     for node, axis in zip(turns[idle.sum(axis=1) == 1], axes[idle.sum(axis=1) == 1, :, 0], strict=True):
         columns, stored = _turns(model, node), model.given_stiffness[3 * node + np.arange(3)].indices
         around = np.setdiff1d(stored[stored < 3 * n] // 3, node)
-        by_others = axis @ weighted_marker(around, model.x[around], np.ones(len(around))).rotation_weights.reshape(
-            3, -1
-        )
+        mean = weighted_marker(around, model.x[around], np.ones(len(around)))
+        by_others = axis @ mean.rotation_weights.reshape(3, -1)
         if ties.are_given(columns).any() or not by_others.any():
             continue
         first, *others = np.argsort(-np.abs(axis))
