@@ -22,6 +22,7 @@ from fmd.scene.propeller import Propeller
 from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.scene import Scene
 from fmd.scene.values import Formulation
+from fmd.stages.named_elements import find_sides, number_elements, stress_places
 from fmd.stages.part_inputs import (
     KeyedPart,
     assembly_inputs,
@@ -374,22 +375,16 @@ class FlexiblePart(KeyedPart):
         """Numbers of the named elements."""
         if not self.shape.element:  # there may be no mesh
             return {}
-        from fmd.stages.named_elements import number_elements
-
         return number_elements(self.shape.element, self.mesh, self.file, self.name)
 
     @cached_property
     def element_sides(self) -> tuple[bool, ...]:
         """True for each named element of a shell whose point is nearer to the upper face; empty if solid."""
-        from fmd.stages.named_elements import find_sides
-
         return find_sides(self.shape.element, self.mesh, self.elements)
 
     @cached_property
     def element_places(self) -> Array:
         """Middles of the named elements, of shells on one face, shape (n_elements, 3) [m]."""
-        from fmd.stages.named_elements import stress_places
-
         return stress_places(self.mesh, self.elements, self.element_sides)
 
     def stress_at(self, points: Array) -> Array:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Literal
 
@@ -18,6 +18,7 @@ import numpy as np
 from fmd.core import formula as operation
 from fmd.core.arrays import Array, require_shape
 from fmd.core.formula import Formula
+from fmd.core.limits.loads import PIECES_APART
 from fmd.core.splines import spline_pieces
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.formulas import trace_formula, trace_table
@@ -85,6 +86,14 @@ class Signal:
     def values(self, times: Array) -> Array:
         """Value, first and second time derivative at each time [s], shape (n_times, 3)."""
         return _evaluate(self.terms).over({"time": times[None]}, len(times))
+
+    @cached_property
+    def jumps(self) -> tuple[tuple[float, Array, Array], ...]:
+        """Times at which the value or its first derivative jumps [s], with both (2,) before and after."""
+        times = np.array(self.breakpoints)
+        before, after = (self.values(np.nextafter(times, side))[:, :2] for side in (-np.inf, np.inf))
+        apart = ~np.isclose(before, after, rtol=PIECES_APART, atol=PIECES_APART).all(axis=1)
+        return tuple(zip(times[apart].tolist(), before[apart], after[apart], strict=True))
 
     def trace(self, t: Scalar) -> list[Scalar]:
         """Trace value, first and second derivative at a time, which is an input of its graph."""
