@@ -1,6 +1,9 @@
 """The time limit of an error budget."""
 
+from contextlib import nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +15,9 @@ from fmd.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_error
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL
 from fmd.accuracy.estimators import Estimates
 from fmd.accuracy.time_limit import LeftOutError, TimeLimit
-from fmd.accuracy.truncation import _work_of_vibrations
+from fmd.accuracy.truncation import _work_of_vibrations, require_start
 from fmd.core.cache import Cache
+from fmd.integrators.runge_kutta import RungeKutta
 from fmd.recovery.motion import Motion
 from fmd.scene.variants import enrich_bases
 from fmd.stages.plan import Plan
@@ -135,3 +139,21 @@ def test_the_work_of_a_richer_basis_whose_vibrations_are_followed_is_forecast() 
     )
     size = rich.system.n / estimates.plan.system.n
     assert 0.3 < _work_of_vibrations(estimates, rich) / (theirs / own * size**2) < 3.0
+
+
+@pytest.mark.parametrize(("seconds", "known"), [(20.0, False), (20.0, True), (2000.0, False)])
+def test_a_search_for_a_richer_periodic_start_that_would_take_too_long_is_left_out(seconds: float, known: bool) -> None:
+    """25 marches of 30 ms each, 66 times as long with 27 coordinates up to 250 kHz in place of 8 up to 3.6 kHz."""
+    trajectory = SimpleNamespace(seconds=0.03, evaluations=51_442)
+    run = SimpleNamespace(
+        scene=SimpleNamespace(repeats=True),
+        periodic=SimpleNamespace(marches=13, disturbed_marches=12, period=0.08),
+        output_times=[0.0, 0.08],
+        fine_motion=SimpleNamespace(trajectory=trajectory),
+    )
+    plan = SimpleNamespace(integrator=RungeKutta(1e-9), system=SimpleNamespace(n=8))
+    of: Any = SimpleNamespace(run=run, plan=plan, limit=TimeLimit(seconds))
+    system = SimpleNamespace(n=27, highest_frequency=1.56e6)
+    rich: Any = SimpleNamespace(system=system, results={"periodic motion": ...} if known else {})
+    with pytest.raises(LeftOutError) if seconds < 100.0 and not known else nullcontext():
+        require_start(of, rich)

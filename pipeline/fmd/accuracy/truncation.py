@@ -87,6 +87,7 @@ def _by_implicit_steps(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) 
     Steps without a solution, as of a loop that starts at rest with fast static responses, are halved.
     """
     beside, ours = of.beside
+    require_start(of, rich)
     method: Any = of.implicit_method if beside is of.plan else beside.integrator
     for k in range(limits.MOST_REFINEMENTS):
         plan = replace(of.plan, integrator=replace(method, step=method.step / 2**k))
@@ -127,6 +128,7 @@ def _comparable(of: Comparison, rich: Pipeline) -> tuple[Plan, Motion | None]:
         The march of a method that chooses its steps, or both by the shorter step, would take longer than the time limit
         leaves. It is told before their machine code is made, which may take as long.
     """
+    require_start(of, rich)
     method: Any = of.plan.integrator
     limit = SURELY_STABLE * method.largest_step(rich.system)
     if not method.step > limit:
@@ -139,10 +141,20 @@ def _comparable(of: Comparison, rich: Pipeline) -> tuple[Plan, Motion | None]:
     return plan_like(shorter, rich), of.march(of.run, shorter)
 
 
-def _work_of_vibrations(of: Comparison, rich: Pipeline) -> float:
+def require_start(of: Comparison, rich: Pipeline) -> None:
+    """Raise ``LeftOutError`` if the search for a richer model's periodic motion would take longer than is left."""
+    if of.run.scene.repeats and "periodic motion" not in rich.results:
+        found = of.run.periodic
+        periods = (found.marches + found.disturbed_marches) * found.period / float(of.run.output_times[-1])
+        of.limit.require(
+            periods * _work_of_vibrations(of, rich, limits.DIE_OUT) * of.run.fine_motion.trajectory.seconds
+        )
+
+
+def _work_of_vibrations(of: Comparison, rich: Pipeline, followed: float = limits.FOLLOWED) -> float:
     """Return the work of the Runge-Kutta method on a richer basis over the run's own, where steps follow vibrations."""
     if not isinstance(of.plan.integrator, RungeKutta):
         return 1.0
-    steps = rich.system.highest_frequency * float(of.run.output_times[-1]) / limits.FOLLOWED
+    steps = rich.system.highest_frequency * float(of.run.output_times[-1]) / followed
     more = limits.EVALUATIONS_A_STEP * steps / of.run.fine_motion.trajectory.evaluations
     return max(more, 1.0) * (rich.system.n / of.plan.system.n) ** 2

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.limits.mechanism import MOVED_BY_CLOSING
-from fmd.core.limits.stability import GROWS, SHOWN_MULTIPLIERS, STRONG
+from fmd.core.limits.stability import GROWS, MULTIPLIER_DECIMALS, SHOWN_MULTIPLIERS, STRONG
 from fmd.dynamics.compiler.closures import closed_distances
 from fmd.dynamics.vibration import inertial_coupling
 from fmd.stages.assembly import constraint_rank
@@ -125,7 +125,7 @@ def periodic_warnings(run: Pipeline) -> list[dict[str, str]]:
 def describe_periodic(figures: dict[str, Any]) -> str:
     """Write what a run tells of its periodic start."""
     moduli = [row["modulus"] for row in figures["multipliers"]]
-    shown = ", ".join(f"{modulus:.4g}" for modulus in moduli[:SHOWN_MULTIPLIERS])
+    shown = ", ".join(f"{round(modulus, MULTIPLIER_DECIMALS):.4g}" for modulus in moduli[:SHOWN_MULTIPLIERS])
     more = " …" if len(moduli) > SHOWN_MULTIPLIERS else ""
     text = (
         f"repeats after {figures['period_s']:.6g} s within {figures['gap']:.1g}; Floquet multipliers of moduli "

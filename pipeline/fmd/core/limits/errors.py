@@ -57,6 +57,7 @@ FINER_TOLERANCE = 0.1  # tolerance of the finer march over the run's
 # Radians of the highest frequency in a step that follows it, of which three bases had 0.8 to 1.5, and evaluations of
 # a step of the Runge-Kutta method.
 FOLLOWED, EVALUATIONS_A_STEP = 1.0, 12
+DIE_OUT = 5.0  # radians of the highest frequency in a step of the search for a periodic start, where vibrations die out
 # Part of the time limit that each of a dozen marches may take, and part of an explicit march's time from which on
 # generalised-α is worth being another method.
 MARCH_OF_LIMIT, WORTH_OTHER_METHOD = 0.04, 0.6

@@ -59,3 +59,4 @@ JUST_BEFORE = 1.0 - 1e-9  # of a period: a load that jumps at its end hasn't jum
 NOT_PERIODIC = 1e-6  # accelerations a period later may differ by, beside the largest along the motion
 GROWS = 1e-3  # modulus of a multiplier above 1 that is neither round-off nor of a motion that nothing holds
 SHOWN_MULTIPLIERS = 5  # on the terminal
+MULTIPLIER_DECIMALS = 4  # of a modulus there: differences of marches tell no more of small ones
