@@ -59,11 +59,11 @@ def largest_pairs(
     Q[:known], MQ[:known] = Z.T, (M @ Z).T
     H = np.zeros((size + block, size + block))
     filled, restarts = known, 0
-    q, Mq, c, R = _orthonormal(inverse(M @ start).T, M, Q[:known], MQ[:known])
+    q, Mq, c, R = orthonormal_rows(inverse(M @ start).T, M, Q[:known], MQ[:known])
     while True:
         last, filled = filled, filled + len(q)
         Q[last:filled], MQ[last:filled] = q, Mq
-        q, Mq, c, R = _orthonormal(inverse(Mq.T).T, M, Q[:filled], MQ[:filled])
+        q, Mq, c, R = orthonormal_rows(inverse(Mq.T).T, M, Q[:filled], MQ[:filled])
         new, end = slice(last - known, filled - known), filled - known
         H[new, :end] = c[:, known:]
         H[:end, new] = c[:, known:].T
@@ -87,7 +87,7 @@ def largest_pairs(
             filled, restarts = known + kept, restarts + 1
 
 
-def _orthonormal(W: Array, M: Any, Q: Array, MQ: Array) -> tuple[Array, Array, Array, Array]:
+def orthonormal_rows(W: Array, M: Any, Q: Array, MQ: Array) -> tuple[Array, Array, Array, Array]:
     """Write rows as ``W = c Q + R q`` with ``q M qᵀ = 1``; returns q, ``q M``, c and R.
 
     q has fewer rows where W depends on Q. The first pass goes by the Euclidean norm, which takes no product with M.

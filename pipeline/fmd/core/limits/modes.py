@@ -39,7 +39,7 @@ MOST_DENSE = 4000  # unknowns up to which all modes are computed in half a minut
 SPARE_MODES = 3  # modes of each harmonic beyond its share
 SLEPC_RESIDUAL = 1e-10  # at which SLEPc's iterations stop
 # Of Lanczos's method that looks for missed modes: a Ritz value converges only after some.
-FEWEST_STEPS, MOST_STEPS = 10, 60
+FEWEST_STEPS, FEWEST_BLOCKS, MOST_STEPS = 10, 4, 60
 TOUCHING = 1e-6  # by which a missed eigenvalue of the inverse is larger than the last mode's, over that one
 EQUAL_EIGENVALUES = 1e-5  # part of the highest eigenvalue, within which another one counts as its equal
 
