@@ -20,6 +20,8 @@ from fmd.fem.model import FEModel
 from fmd.meshes.bar import hexahedral_bar
 from fmd.reduction import eigen, inertia_relief
 from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.factor import factor
+from fmd.reduction.factor.factor import TooLargeError
 from fmd.reduction.loads import motion_loads
 from fmd.reduction.mode_families import classify_modes, lowest_modes
 from fmd.reduction.modes import TooManyModesError
@@ -370,6 +372,19 @@ def test_loads_are_answered_once(small_bar: FEModel, monkeypatch: pytest.MonkeyP
     assert np.array_equal(solver.remembered_response(f), every)
     assert solver.remembered_response(f[..., :0]).shape == (*small_bar.x.shape, 0)
     assert solved == [3, 2]
+
+
+def test_responses_that_do_not_fit_are_refused_before_they_are_solved_for(
+    small_bar: FEModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solver, f = FreeBodySolver(small_bar), np.ones((*small_bar.x.shape, 4)) * np.arange(4.0)
+    solver.remembered_response(f[..., :2])
+    monkeypatch.setattr(factor, "available_memory", lambda: 2e3)
+    solver.remembered_response(f[..., :2])  # which it has
+    monkeypatch.setattr(solver, "static_response", lambda _: pytest.fail("was solved"))
+    needs = r"responses of its \d+ unknowns to 2 loads need about [\d.e-]+ GB of memory, the machine has 2e-06 GB"
+    with pytest.raises(TooLargeError, match=needs):
+        solver.remembered_response(f)
 
 
 def test_alike_loads_share_their_search_and_answer_each_alone(small_bar: FEModel) -> None:

@@ -17,6 +17,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh, splu
 from fmd.core.arrays import Array, IntArray, read_only
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.contact import COLUMNS_AT_ONCE
+from fmd.core.limits.memory import BYTES_FOR_RESPONSES
 from fmd.core.limits.modes import (
     BASIS_BLOCKS,
     LANCZOS_RESIDUAL,
@@ -31,7 +32,7 @@ from fmd.core.limits.modes import (
 )
 from fmd.core.progress import Advance
 from fmd.reduction.block_lanczos import largest_pairs
-from fmd.reduction.factor.factor import Factor, factorise
+from fmd.reduction.factor.factor import Factor, factorise, refuse_too_large
 from fmd.reduction.inertia_relief import THIN, flexibility_at, held_stiffness, rounded_defect, solve_balanced
 from fmd.reduction.missed_modes import missed_eigenvalue
 from fmd.reduction.modes import EigenPairs
@@ -197,12 +198,16 @@ class FreeBodySolver:
     def remembered_response(self, f: Array) -> Array:
         """Return `static_response` of loads, of which only those are solved for that it hasn't had before.
 
-        A basis and its stiffening, and those of bases with more modes, are bent by the same loads.
+        A basis and its stiffening, and those of bases with more modes, are bent by the same loads. They are refused
+        with `TooLargeError` before anything is solved if they don't fit into memory.
         """
         rows = f.reshape(f.shape[0] * f.shape[1], -1).T + 0.0 if f.size else ()  # negative zeros are other bytes
         names = [blake2b(row.tobytes()).digest() for row in rows]
         new = {name: k for k, name in enumerate(names) if name not in self._responses}
         if new:
+            unknowns = f.shape[0] * f.shape[1]
+            what = f"the static responses of its {unknowns} unknowns to {len(new)} loads need"
+            refuse_too_large(BYTES_FOR_RESPONSES * unknowns * len(new), what, remedy=", or take fewer loads")
             found = self.static_response(f[:, :, list(new.values())])
             self._responses |= {name: read_only(found[:, :, k].copy()) for k, name in enumerate(new)}
         return np.stack([self._responses[name] for name in names], axis=2) if names else np.zeros_like(f)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -57,15 +58,18 @@ class ConstrainedModel:
         key = f"body.{self.name}"
         try:
             repeats = self.sectors > 2 and self.fe.material.repeats(self.sectors)
-            if repeats and not rigid and self.fixed is None:
-                return CyclicSolver(self.fe, self.sectors, self.factorise)
-            return FreeBodySolver(self.fe, rigid, self.fixed, self.factorise)
+            with self.fitting():
+                if repeats and not rigid and self.fixed is None:
+                    return CyclicSolver(self.fe, self.sectors, self.factorise)
+                return FreeBodySolver(self.fe, rigid, self.fixed, self.factorise)
         except ValueError as error:  # rigid faces that share nodes, with one another or with a support
             raise InputError(self.file, f"{key}.marker", None, str(error)) from error
-        except TooLargeError as error:
-            raise InputError(self.file, f"{key}.mesh", None, str(error)) from error
         except MissingSolverError as error:
             raise InputError(self.file, f"{key}.modes.solver", self.solver_name, str(error)) from error
+
+    def fitting(self) -> AbstractContextManager[None]:
+        """Return a context that names the mesh where what is computed of it doesn't fit into memory."""
+        return as_input_error(self.file, f"body.{self.name}.mesh", of=TooLargeError)
 
     @property
     def reaction(self) -> Array:
@@ -136,7 +140,7 @@ def _on_its_joint(
     fe, markers, joint, fixed = model.fe, model.markers, model.joint, model.fixed
     omega, shapes = modes.omega, modes.shapes
     if settings.enrich != "none":
-        with model.solver.telling(advance):
+        with model.fitting(), model.solver.telling(advance):
             omega, shapes = _enriched_shapes(model, modes, settings)
     common = (fe, omega, shapes, markers, joint.marker)
     if fixed is not None:
@@ -176,7 +180,8 @@ def _stiffen(
     joint = model.joint
     reaction = None if joint.floating or model.fixed is not None else model.reaction
     free = joint.free_directions if model.fixed is not None else None
-    return stiffen_body(body, model.fe, model.solver, reaction, plane, linear, moving, free, elements, advance)
+    with model.fitting():
+        return stiffen_body(body, model.fe, model.solver, reaction, plane, linear, moving, free, elements, advance)
 
 
 def _enriched_shapes(model: ConstrainedModel, modes: Modes, settings: AnyModes) -> tuple[Array, Array]:

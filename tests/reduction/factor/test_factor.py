@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from threadpoolctl import ThreadpoolController
 
 from fmd.core.errors import AccuracyError, InputError
+from fmd.core.limits.memory import BYTES_FOR_RESPONSES
 from fmd.core.memory import available_memory
 from fmd.fem.assembly import assemble
 from fmd.fem.markers import face_marker
@@ -271,6 +272,15 @@ def test_fronts_take_no_more_at_their_peak_than_was_looked_for(
     assert kept.figures.memory < peak < needed[0] < 1.5 * peak
 
 
+def test_static_responses_take_no_more_at_their_peak_than_was_looked_for(hexahedra: FEModel) -> None:
+    solver, f = FreeBodySolver(hexahedra), np.random.default_rng(0).standard_normal((*hexahedra.x.shape, 8))
+    tracemalloc.start()
+    solver.remembered_response(f)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 0.8 * peak < BYTES_FOR_RESPONSES * f.size < 1.3 * peak
+
+
 def test_what_does_not_fit_is_refused_before_it_is_factorised(
     tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -318,8 +328,15 @@ def test_a_scene_whose_factor_does_not_fit_ends_in_a_message(monkeypatch: pytest
     from fmd.core.cache import Cache
 
     monkeypatch.setattr(factor, "available_memory", lambda: 1e6)
-    scene = load_scene("beam-paper", ["body.beam.modes.solver='multifrontal'", "body.beam.mesh.divisions=[12,2,1]"])
-    with pytest.raises(
-        InputError, match=r"body\.beam\.mesh: the factor of its \d+ unknowns needs about .* make the mesh"
-    ):
+    small = ["body.beam.modes.solver='multifrontal'", "body.beam.mesh.divisions=[12,2,1]"]
+    scene = load_scene("beam-paper", small)
+    needs = r"body\.beam\.mesh: the factor of its \d+ unknowns needs about .* make the mesh"
+    with pytest.raises(InputError, match=needs):
         Pipeline(scene, Cache(tmp_path)).modes  # noqa: B018
+    monkeypatch.undo()
+    run = Pipeline(load_scene("beam-paper", [*small, "body.beam.modes.enrich='inertia'"]), Cache(tmp_path))
+    run.modes  # noqa: B018
+    monkeypatch.setattr(factor, "available_memory", lambda: 1e4)
+    needs = r"body\.beam\.mesh: the static responses of its \d+ unknowns to \d+ loads need"
+    with pytest.raises(InputError, match=needs):
+        run.body  # noqa: B018

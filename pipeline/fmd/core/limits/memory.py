@@ -21,6 +21,7 @@ FRONT_ZEROS, SHARE_OF_ZEROS = 4000, 0.05
 PANEL, TILE, BLOCK = 4, 8, 64
 # Bytes for each nonzero of A while it is copied from one format to the next: 25 to 55 and 9 to 15 were measured.
 BYTES_FOR_CHOLMOD, BYTES_FOR_FRONTS = 60.0, 20.0
+BYTES_FOR_RESPONSES = 125.0  # at the peak, for each unknown and load: 113 to 124 were measured
 
 # Recovery.
 STRAINED_AT_ONCE = 512  # elements whose strain or stress is found at a time

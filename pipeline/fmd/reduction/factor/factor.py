@@ -99,7 +99,7 @@ _GIGA = 1e9
 
 
 class TooLargeError(MemoryError):
-    """A factor needs more memory than there is; nothing has been factorised."""
+    """A factor, or static responses by it, need more memory than there is; nothing has been computed."""
 
 
 class MissingSolverError(ImportError):
@@ -186,13 +186,21 @@ def _ordered(A: sp.csr_array) -> tuple[sp.csr_array, IntArray, int, str]:
 
 def _refuse_too_large(figures: FactorFigures, beside: float) -> None:
     """Raise `TooLargeError` if a factor and what is needed beside it [bytes] don't fit into the available memory."""
-    needed, there = figures.memory + beside, available_memory()
+    refuse_too_large(
+        figures.memory + beside,
+        f"the factor of its {figures.unknowns} unknowns needs",
+        f" ({figures.solver}, {figures.order} order, {figures.nonzeros:.3g} nonzeros)",
+        ', or take several machines: modes.solver = "slepc"',
+    )
+
+
+def refuse_too_large(needed: float, what: str, how: str = "", remedy: str = "") -> None:
+    """Raise `TooLargeError` if what is needed [bytes] doesn't fit into the available memory."""
+    there = available_memory()
     if needed > there:
         raise TooLargeError(
-            f"the factor of its {figures.unknowns} unknowns needs about {needed / _GIGA:.3g} GB of memory "
-            f"({figures.solver}, {figures.order} order, {figures.nonzeros:.3g} nonzeros), the machine has "
-            f"{there / _GIGA:.3g} GB to spare; make the mesh coarser, or take several machines: "
-            'modes.solver = "slepc"'
+            f"{what} about {needed / _GIGA:.3g} GB of memory{how}, the machine has {there / _GIGA:.3g} GB to spare; "
+            f"make the mesh coarser{remedy}"
         )
 
 
