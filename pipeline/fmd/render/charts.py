@@ -30,9 +30,12 @@ def open_figure(path: Path, size: tuple[float, float], dots_per_inch: int, paddi
 
     A PNG has so many dots per inch; contents have a padding around them [inches].
     """
-    figure = Figure(figsize=size, dpi=dots_per_inch, layout=ConstrainedLayoutEngine(w_pad=padding, h_pad=padding))
+    layout = ConstrainedLayoutEngine(w_pad=padding, h_pad=padding)
+    figure = Figure(figsize=size, dpi=dots_per_inch, layout=layout)
     FigureCanvasAgg(figure)
     yield figure
+    layout.execute(figure)
+    figure.set_layout_engine("none")  # else saving draws all of it once more, for its layout alone
     with whole_file(path) as part:
         figure.savefig(part)
 
