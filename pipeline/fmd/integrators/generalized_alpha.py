@@ -292,20 +292,27 @@ def _correct(m: NewmarkSteps) -> None:
 
 @inner
 def _carry_tangents(m: NewmarkSteps, p: Any, end: float) -> bool:
-    """Find the tangents' accelerations where the motion's have been found, until round-off is left; or return false."""
+    """Find the tangents' accelerations where the motion's have been found, until round-off is left; or return false.
+
+    Where forces balance, these are round-off: corrections that move tangents of positions by theirs are none.
+    """
     n, before, size = m.tangent.shape[0], math.inf, VANISHED
+    to_position = m.h * m.h * m.beta * (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
     for _ in range(STEP_ITERATIONS):
         for i in range(n):
             m.base[i] = m.new[i]
         _correct(m)
-        largest = 0.0
+        largest, reached = 0.0, 0.0
         for i in range(n):
             m.new[i] = m.base[i]
+        for i in range(m.q.size - LANES * n, m.q.size):
+            reached = max(reached, abs(m.q_new[i]))
         for i in range(n, m.v.size):
             largest = max(largest, abs(m.found[i]))
             size = max(size, abs(m.new[i]))
         _evaluate_end(m, p, end, m.found)
-        if largest <= OF_GUESS * CONVERGED * size or (largest <= CONVERGED * size and largest > STALLED * before):
+        little = max(OF_GUESS * CONVERGED * size, POSITION_ROUND_OFF * reached / to_position)
+        if largest <= little or (largest <= CONVERGED * size and largest > STALLED * before):
             return True
         if largest > STALLED * before:
             _renew_tangent(m, p, end)
