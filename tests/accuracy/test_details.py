@@ -78,8 +78,15 @@ def test_what_solving_leaves_of_a_marker_that_a_loop_holds_has_no_row() -> None:
     """A linkage's foot on the ground had 2.3e-7 m/s² beside 156, stated within 315 % for 2930 %."""
     sizes = {"rocker.outer.acceleration": 2.3e-7, "rocker.inner.acceleration": 156.3, "crank.outer.acceleration": 1e-5}
     found = {name: Quantity(name, "m/s^2", size * np.eye(3)) for name, size in sizes.items()}
+    found["rocker.foot.acceleration"] = Quantity("rocker.foot.acceleration", "m/s^2", 3.8e-3 * np.eye(3))
+    for marker, size in (("rocker.foot", 6e-15), ("rocker.inner", 5.0)):  # redundant constraints hold the foot
+        found[f"{marker}.velocity"] = Quantity(f"{marker}.velocity", "m/s", size * np.eye(3))
     mechanism = SimpleNamespace(mass=1.0, reach=1.0)
-    assert {*leave_out_nothing(found, mechanism)} == {"rocker.inner.acceleration", "crank.outer.acceleration"}
+    assert {*leave_out_nothing(found, mechanism)} == {
+        "rocker.inner.acceleration",
+        "crank.outer.acceleration",
+        "rocker.inner.velocity",
+    }
 
 
 def test_what_solving_leaves_of_a_free_body_that_only_turns_or_slides_has_no_row(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.accuracy.changed_bodies import soften_body
 from fmd.accuracy.coarse_mesh import make_coarse_pair
 from fmd.accuracy.comparison import change_fineness
 from fmd.accuracy.error_budget import ERROR_BUDGET
@@ -17,6 +18,10 @@ from fmd.accuracy.quantities import motion_quantities
 from fmd.core.cache import Cache
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.errors import SAFETY
+from fmd.dynamics.compiler.llvm import emit
+from fmd.dynamics.compiler.program import LANES
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.stages.runs import plan_like
 
 ROD = ["simulation.duration=1 s", 'simulation.run=[{integrator="central-difference", step="4 ms"}]']
 
@@ -143,3 +148,20 @@ def test_frequencies_of_a_shaft_of_beams_with_discs_are_stated_little_above_what
     true = (own.modes.omega / finer.modes.omega) ** 2 - 1
     assert (0.5 * true < stated).all()  # the stated error of a frequency is twice half of it
     assert (stated < 1e-3).all()
+
+
+def test_a_softened_variant_has_the_code_of_a_run_that_was_marched_by_another_method_before() -> None:
+    """Functions share a graph, on whose order their code depends: a variant traces them in the run's order.
+
+    Of two bodies it would compile what generalised-α calls anew if it began with that.
+    """
+    run = Pipeline(load_scene("arm", ["simulation.duration=2 ms"]), Cache(None))
+    plan = next(iter(run.plans.values()))
+    traced = ("inertia", "accelerations", "elongations", "residual", "solve", "responses")
+    sources = {name: emit(plan.system.compiled.program(name), LANES)[0] for name in traced}
+    soft = {name: soften_body(body, 0.1 * np.eye(len(body.omega)))[0] for name, body in run.bodies.items()}
+    variant = plan_like(replace(plan, integrator=GeneralizedAlpha(1e-4)), run.with_bodies(soft)).system.compiled
+    assert variant is not plan.system.compiled
+    assert {name: emit(variant.program(name), LANES)[0] for name in ("residual", "solve", "responses")} == {
+        name: sources[name] for name in ("residual", "solve", "responses")
+    }

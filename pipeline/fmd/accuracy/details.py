@@ -65,7 +65,8 @@ def detail_quantities(scene: Scene, motion: Motion) -> Quantities:
 def leave_out_nothing(quantities: Quantities, mechanism: Mechanism) -> Quantities:
     """Return the quantities that aren't round-off beside the largest one of the same unit, or of a related one.
 
-    To momentum the speed of markers is related, to what a free joint bears the forces that accelerate the bodies.
+    To momentum the speed of markers is related, to what a free joint bears the forces that accelerate the bodies. What
+    has no velocity has no acceleration, of which redundant constraints of a loop may leave a millionth.
     """
     largest: dict[str, float] = {}
     for quantity in quantities.values():
@@ -75,7 +76,9 @@ def leave_out_nothing(quantities: Quantities, mechanism: Mechanism) -> Quantitie
     related = {"rad/s": speed / size if size else 0.0, "kg m/s": mass * speed, "kg m^2/s": mass * speed * size}
     related |= {"N": force, "N m": force * size, "m/s^2": force / mass if mass else 0.0}
     least = {unit: NOTHING * max(own, related.get(unit, 0.0)) for unit, own in largest.items()}
-    return {name: each for name, each in quantities.items() if each.scale > least[each.unit]}
+    found = {name: each for name, each in quantities.items() if each.scale > least[each.unit]}
+    still = {f"{name.removesuffix('.velocity')}.acceleration" for name in {*quantities} - {*found}}
+    return {name: each for name, each in found.items() if name not in still}
 
 
 def row_name(variable: str) -> str:
