@@ -68,7 +68,7 @@ def draw_history(run: Pipeline, output: History, folder: Path, draw: Drawer = dr
         components = tuple(_names_of(variable, columns.shape[1])[k] for k in chosen.tolist())
         error = errors.of(variable, in_body=output.axes == "body") if errors.has_budget else ""
         stated = error if isinstance(error, float) else None
-        missed = peaks[variable.name].part if peaks else 0.0
+        missed = peaks[variable.name].part if variable.name in peaks else 0.0
         beyond = f": {say_missed(missed)}" if missed > MISSED_PEAK else ""
         frames.append(HistoryFrame(variable.name + beyond, variable.units, columns[:, chosen], components, stated))
     title = output.title or f"{run.scene.title}: {Path(output.file).stem}"
