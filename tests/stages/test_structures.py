@@ -155,6 +155,18 @@ def test_a_fin_whose_nodes_are_solids_alone_hangs_on_a_hinge_and_says_what_clamp
         _ = part.modes
 
 
+def test_layers_of_one_material_beside_solids_are_the_shell_that_they_are(tmp_path: Path) -> None:
+    finned(np.linspace(-0.02, 0.02, 3), own_nodes=True).write(tmp_path / "fin.inp")
+    plain = part_of(body(tmp_path / "fin.inp", shell="deck", tie=TIE)).modes.omega
+    text, plies = (tmp_path / "fin.inp").read_text(), "0.001, 3, M, 30.\n0.002, 3, M, 0.\n0.001, 3, M, 90."
+    layered = text.replace("ELSET=FIN, MATERIAL=M\n0.004", f"ELSET=FIN, COMPOSITE\n{plies}")
+    (tmp_path / "fin.inp").write_text(layered)
+    lamina = {"M": {"E1": 70e9, "E2": 70e9, "nu12": 0.33, "G12": 70e9 / 2.66, "rho": 2700.0}}
+    found = part_of(body(tmp_path / "fin.inp", shell="deck", tie=TIE) | {"lamina": lamina}).modes.omega
+    assert layered != text
+    assert found == pytest.approx(plain, rel=1e-8)
+
+
 def test_a_tripod_whose_feet_are_hinges_holds_and_warns(tmp_path: Path) -> None:
     deck, way = Deck(), np.linspace(0, 0.04, 3)
     block = deck.block(way, way, way)
@@ -167,6 +179,41 @@ def test_a_tripod_whose_feet_are_hinges_holds_and_warns(tmp_path: Path) -> None:
     (text,) = (each["text"] for each in mode_warnings(run) if each["code"] == "hinge")
     assert text.startswith("b: 3 nodes of beams are solids' too")
     assert "by mesh.tie" in text
+
+
+def sheet_with_bar(n: int, lying: bool) -> Deck:
+    """A sheet of n × n shells, and a bar from its middle, upright or along it."""
+    deck, way = Deck(), np.linspace(-0.1, 0.1, n + 1)
+    grid = {(i, j): deck.node(x, y, 0) for i, x in enumerate(way) for j, y in enumerate(way)}
+    deck.elements["S4, ELSET=FIN"] = [
+        [grid[i, j], grid[i + 1, j], grid[i + 1, j + 1], grid[i, j + 1]] for i in range(n) for j in range(n)
+    ]
+    middle = n // 2
+    end = grid[middle + 1, middle] if lying else deck.node(0, 0, 0.1)
+    deck.elements["B31, ELSET=BAR"] = [[grid[middle, middle], end]]
+    deck.sets = {"TIP": [end], "RIM": [node for place, node in grid.items() if {0, n} & {*place}]}
+    return deck
+
+
+def test_a_bar_upright_on_one_node_of_a_sheet_turns_it_the_more_the_finer_the_mesh_and_warns(tmp_path: Path) -> None:
+    """By a couple M a thin plate turns by M ln 2 / (4 π D) more with each halving of its elements, by shear yet more."""
+    turned = []
+    for n in (8, 16):
+        sheet_with_bar(n, lying=False).write(tmp_path / "bar.inp")
+        run = fmd.load({"title": "Strut", "body": {"b": body(tmp_path / "bar.inp", shell="deck", beam="deck")}}).run
+        part = run.parts["b"]
+        fe, end = part.fe, part.mesh.faces["TIP"]
+        free = clamped(fe, part.mesh.faces["RIM"])
+        f = np.zeros((len(fe.x), 3))
+        f[end, 0] = 1 / len(end)
+        y = spsolve((fe.T.T @ fe.K @ fe.T)[free][:, free].tocsc(), (fe.T.T @ f.ravel())[free])
+        turned.append((fe.T[:, free] @ y).reshape(-1, 3)[end, 0].mean() / 0.1**2)
+    D = 70e9 * 0.004**3 / 12 / (1 - 0.33**2)
+    assert 1.0 < (turned[1] - turned[0]) / (np.log(2) / (4 * np.pi * D)) < 4.0
+    (text,) = (each["text"] for each in mode_warnings(run) if each["code"] == "point-moment")
+    assert text.startswith("b: 1 nodes of shells each bear the end of a beam alone")
+    sheet_with_bar(8, lying=True).write(tmp_path / "bar.inp")
+    assert not part_of(body(tmp_path / "bar.inp", shell="deck", beam="deck")).mesh.notes
 
 
 def clamped(model: FEModel, held: Array) -> Array:

@@ -23,6 +23,8 @@ from fmd.fem.space import Discretisation, Member
 
 HINGE_MEND = "let their set follow the solids' face by mesh.tie, or let elements lie on the solids"
 """End of notes about nodes that turn freely where they should not."""
+STRUT_MEND = "take the end to several nodes by RBE2, RBE3 or *COUPLING"
+"""End of notes about beams whose moment one node of a shell bears."""
 
 
 @dataclass(frozen=True)

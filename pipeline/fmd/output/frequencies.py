@@ -110,14 +110,19 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
 
 
 def _midsurface_warnings(name: str, part: FlexiblePart) -> list[dict[str, str]]:
-    """Warn of a midsurface whose volume isn't the solid's, of hinges to solids, and of sections that aren't read."""
+    """Warn of a midsurface whose volume isn't the solid's, of hinges, struts, and sections that aren't read."""
     if not part.mesh_notes:
         return []
     from fmd.fem.formats.import_shell import THICKNESS_ALONE
-    from fmd.fem.joined import HINGE_MEND
+    from fmd.fem.joined import HINGE_MEND, STRUT_MEND
     from fmd.stages.meshing.cad_files import UNLIKE_SOLID
 
-    codes = {UNLIKE_SOLID: "midsurface-volume", HINGE_MEND: "hinge", THICKNESS_ALONE: "left-out"}
+    codes = {
+        UNLIKE_SOLID: "midsurface-volume",
+        HINGE_MEND: "hinge",
+        STRUT_MEND: "point-moment",
+        THICKNESS_ALONE: "left-out",
+    }
     return [
         {"code": code, "body": name, "text": f"{name}: {note}"}
         for end, code in codes.items()

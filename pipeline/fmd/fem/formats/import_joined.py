@@ -20,7 +20,7 @@ from fmd.fem.formats.import_shell import SHELLS, mesh_shells, take_shells
 from fmd.fem.formats.mixed import split_mixed
 from fmd.fem.formats.named_sets import PLANE, corners_of, tie_by_names
 from fmd.fem.formats.raw_mesh import BlockShells, MeshFileError, RawMesh
-from fmd.fem.joined import HINGE_MEND, AnyMesh, JoinedMesh, Seam, count_nodes
+from fmd.fem.joined import HINGE_MEND, STRUT_MEND, AnyMesh, JoinedMesh, Seam, count_nodes
 from fmd.fem.mesh import SolidMesh, rows_among, three_corners
 from fmd.fem.thicken import thicken
 
@@ -126,6 +126,7 @@ class _Joining:
         tied, seams = self._seams(rows)
         shared = self._shared(rows, seams)
         self._warn_of_hinges(rows, seams)
+        self._warn_of_struts(rows, seams)
         connections = self._connections(rows, tied)
         notes = tuple(dict.fromkeys([*(note for own in self._meshes for note in own.notes), *self._notes]))
         return JoinedMesh(tuple(self._meshes), shared, seams, notes + connection_notes(connections), connections)
@@ -234,6 +235,23 @@ class _Joining:
                     f"{len(free)} nodes of {what} are solids' too, which have no rotations, so they turn freely there, "
                     f"as on hinges; {HINGE_MEND}"
                 )
+
+    def _warn_of_struts(self, rows: list[IntArray], seams: Sequence[Seam]) -> None:
+        """Note nodes of shells that bear the moment of a beam alone, without a beam along the shell or a link."""
+        shells, beams = _by_kind(self._meshes, rows)
+        if shells is None or beams is None:
+            return
+        both = (shells >= 0) & (beams >= 0)
+        alone = both & ~np.isin(shells, _sewn(seams))
+        for (_, cells), chosen in zip(self._raw.blocks, self._kinds[2], strict=True):
+            alone[cells[chosen][both[cells[chosen]].all(axis=1)]] = False
+        for link in (*self._raw.connections.rigid, *self._raw.connections.mean):
+            alone[link.points] = False
+        if count := int(np.count_nonzero(alone)):
+            self._notes.append(
+                f"{count} nodes of shells each bear the end of a beam alone: under a moment on one point a plate turns "
+                f"without limit, the more the finer its mesh is; {STRUT_MEND}"
+            )
 
     def _connections(self, rows: list[IntArray], ties: tuple[TiedFaces, ...]) -> Connections | None:
         """Return links, masses and springs by rows of nodes; one with rotations goes before a solid's."""
