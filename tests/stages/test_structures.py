@@ -196,7 +196,7 @@ def sheet_with_bar(n: int, lying: bool) -> Deck:
 
 
 def test_a_bar_upright_on_one_node_of_a_sheet_turns_it_the_more_the_finer_the_mesh_and_warns(tmp_path: Path) -> None:
-    """By a couple M a thin plate turns by M ln 2 / (4 π D) more with each halving of its elements, by shear yet more."""
+    """A couple M turns a thin plate by M ln 2 / (4 π D) more with each halving of its elements, by shear yet more."""
     turned = []
     for n in (8, 16):
         sheet_with_bar(n, lying=False).write(tmp_path / "bar.inp")
