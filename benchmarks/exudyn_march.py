@@ -10,7 +10,6 @@ import io
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from statistics import median
 from typing import Any
 
 import numpy as np
@@ -100,7 +99,7 @@ def refine(
     error: Callable[[Any], float],
     finest: float,
     most_seconds: float,
-    typical: Callable[[list[float]], float] = median,
+    typical: Callable[[list[float]], float] = min,
 ) -> Iterator[WorkPrecisionRow]:
     """March a twin by a solver with ever more steps, until a march takes too long or is as exact as wanted."""
     exu = import_exudyn()
