@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from fmd.core.limits.scene import LUMPING_COUNTS, POOR_QUALITY
-from fmd.output.formats import left_out
 from fmd.reduction.rotating import rotating_modes
 from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.magnitudes import UNUSUAL, find_unusual
@@ -104,8 +103,11 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
             )
             found.append({"code": "mode-pair-completed", "body": name, "text": text})
     exports = [own for own in run.scene.output if isinstance(own, Export) and own.format]
-    without = [(own.body, left_out(run, own.format or "", own.body)) for own in exports]
-    found += [{"code": "second-order-left-out", "body": body, "text": text} for body, text in without if body and text]
+    for own in exports:
+        from fmd.output.formats import left_out  # with all that writes them
+
+        if what := left_out(run, own.format or "", own.body):
+            found.append({"code": "second-order-left-out", "body": own.body or "", "text": what})
     return found
 
 
