@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor
+from scipy.linalg.lapack import dpotri
 
 from fmd.contact.primitives import Primitive
 from fmd.contact.recorded import ContactRecord
@@ -105,7 +106,9 @@ class ContactPoints:
     def held_stiffness(self) -> Array:
         """Inverse of G [N/m], shape (3 n, 3 n)."""
         n = 3 * len(self.x)
-        return np.asarray(cho_solve(cho_factor(self.G.reshape(n, n)), np.eye(n)))
+        factor, _ = cho_factor(self.G.reshape(n, n), lower=True)
+        half = np.tril(dpotri(factor, lower=True)[0])
+        return np.asarray(half + np.tril(half, -1).T)
 
     @property
     def softness(self) -> Array:
