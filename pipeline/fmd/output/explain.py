@@ -12,6 +12,7 @@ from fmd.core.limits.memory import ALWAYS_FIT
 from fmd.core.paths import KERNEL_SOURCES, source_digest
 from fmd.output.output_kinds import kind_of, outputs_of
 from fmd.output.picture_files import picture_key
+from fmd.scene.histories import Quantities
 from fmd.stages.part import PART_STAGES, FlexiblePart
 from fmd.stages.pipeline import RUN_STAGES, Pipeline
 from fmd.stages.run_checks import expected_bytes
@@ -86,8 +87,10 @@ def forecast_run(solved: SolvedScene, pictures: bool, budget: bool) -> Forecast:
     else:
         planner.note(SETTINGS.name, "skipped", "the scene leaves nothing open")
     of_places = ("stress", "element stress", "spot stress", "contact stress")
-    for name in ("fine motion", "strain", "modes", "surface", *of_places):
+    for name in ("strain", "modes", "surface", *of_places):
         planner.want(name)
+    if budget or _looks_between_outputs(run):
+        planner.want(Pipeline.fine_motion.name)
     drawn, files, responses = (outputs_of(run.scene, stage) for stage in ("pictures", "files", "responses"))
     missing = [output for output in drawn if pictures and not planner.has_drawn(output)]
     for output in (*files, *responses, *missing):
@@ -102,6 +105,13 @@ def forecast_run(solved: SolvedScene, pictures: bool, budget: bool) -> Forecast:
     planner.note("pictures", *_fate_of_pictures(len(drawn), len(missing), pictures))
     planner.skip_others()
     return planner.forecast()
+
+
+def _looks_between_outputs(run: Pipeline) -> bool:
+    """Return true if a run asks what a flexible tip, histories and tables, or stress miss between output times."""
+    tip = run.scene.simulation.tip.partition(".")[0]
+    tables = any(isinstance(output, Quantities) for output in run.scene.output)
+    return tip in run.wholes or tables or any(part.has_stress for part in run.wholes.values())
 
 
 def _fate_of_pictures(n_drawn: int, n_missing: int, wanted: bool) -> tuple[Fate, str]:
