@@ -2,6 +2,8 @@
 
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
+from itertools import count
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,7 +11,7 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
-from fmd.accuracy import comparison, time_limit
+from fmd.accuracy import comparison, time_limit, truncation
 from fmd.accuracy.comparison import Comparison
 from fmd.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_errors
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL
@@ -17,6 +19,7 @@ from fmd.accuracy.estimators import Estimates
 from fmd.accuracy.time_limit import LeftOutError, TimeLimit
 from fmd.accuracy.truncation import _work_of_vibrations, require_start
 from fmd.core.cache import Cache
+from fmd.core.interruption import interrupted_by
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.recovery.motion import Motion
 from fmd.scene.variants import enrich_bases
@@ -143,11 +146,11 @@ def test_the_work_of_a_richer_basis_whose_vibrations_are_followed_is_forecast() 
 
 @pytest.mark.parametrize(("seconds", "known"), [(20.0, False), (20.0, True), (2000.0, False)])
 def test_a_search_for_a_richer_periodic_start_that_would_take_too_long_is_left_out(seconds: float, known: bool) -> None:
-    """25 marches of 30 ms each, 66 times as long with 27 coordinates up to 250 kHz in place of 8 up to 3.6 kHz."""
+    """13 marches of 30 ms each, 66 times as long with 27 coordinates up to 250 kHz in place of 8 up to 3.6 kHz."""
     trajectory = SimpleNamespace(seconds=0.03, evaluations=51_442)
     run = SimpleNamespace(
         scene=SimpleNamespace(repeats=True),
-        periodic=SimpleNamespace(marches=13, disturbed_marches=12, period=0.08),
+        periodic=SimpleNamespace(marches=13, period=0.08),
         output_times=[0.0, 0.08],
         fine_motion=SimpleNamespace(trajectory=trajectory),
     )
@@ -157,3 +160,40 @@ def test_a_search_for_a_richer_periodic_start_that_would_take_too_long_is_left_o
     rich: Any = SimpleNamespace(system=system, results={"periodic motion": ...} if known else {})
     with pytest.raises(LeftOutError) if seconds < 100.0 and not known else nullcontext():
         require_start(of, rich)
+
+
+CRANK = [
+    "body.rod.mesh.divisions=[12,1,1]",
+    "body.rod.modes.count=2",
+    "body.rod.modes.enrich=none",
+    "body.rod.modes.damping=0.05",
+    'simulation.start="periodic"',
+    f'simulation.period="{2 * np.pi / 150!r} s"',
+    f'simulation.duration="{2 * np.pi / 150!r} s"',
+    'simulation.run=[{integrator="runge-kutta"}]',
+]
+
+
+@pytest.mark.long
+def test_a_richer_basis_begins_where_implicit_steps_repeat_if_others_take_too_long(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Both ways say how far more modes move the orbit."""
+    run = Pipeline(load_scene("slider-crank", CRANK), Cache(None))
+    estimates = Estimates(run, TimeLimit())
+    exact = estimates._truncation()
+    monkeypatch.setattr(truncation, "_by_one_method", lambda of, rich, as_if: None)
+    found = estimates._truncation()
+    for name in ("tip, deflection", "tip, largest deflection", "rod, largest von Mises stress"):
+        assert found[name] == pytest.approx(exact[name], rel=0.1), name
+
+
+def test_the_time_limit_ends_a_search_for_a_periodic_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each look at the clock takes a second; the search, of a dozen marches, has three."""
+    run = Pipeline(load_scene("slider-crank", CRANK), Cache(None))
+    ticks = count()
+    monkeypatch.setattr(time_limit, "clock", lambda: float(next(ticks)))
+    limit = TimeLimit(3.0)
+    with interrupted_by(partial(limit.require, 0.0)), pytest.raises(LeftOutError):
+        _ = run.periodic
+    assert next(ticks) < 10

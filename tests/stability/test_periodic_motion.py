@@ -12,7 +12,6 @@ from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.output.mechanism_figures import periodic_figures, periodic_warnings
-from fmd.stability.periodic_motion import PeriodicMotion
 from fmd.stages.mechanism import place_joints
 
 SLIDER: dict[str, Any] = {
@@ -61,11 +60,12 @@ def test_a_driven_oscillator_has_the_closed_form(seed: int) -> None:
     m, k, c, omega, F = 2.0, *rng.uniform([50.0, 0.1, 3.0, 1.0], [500.0, 4.0, 30.0, 9.0])
     force = {"type": "force", "joint": "slide", "force": {"formula": f"{F}*cos({omega}*t)", "unit": "N"}}
     period = 2 * np.pi / omega
-    found = pipeline_of(SLIDER, period, slide={"spring": k, "damper": c}, drive={"push": force}).periodic
+    run = pipeline_of(SLIDER, period, slide={"spring": k, "damper": c}, drive={"push": force})
+    found = run.periodic
     X = F / (k - m * omega**2 + 1j * c * omega)
     np.testing.assert_allclose([*found.q, *found.v], [X.real, -omega * X.imag], atol=1e-8 * abs(X) * (1 + omega))
     exact = np.linalg.eigvals(expm(np.array([[0.0, 1.0], [-k / m, -c / m]]) * period))
-    np.testing.assert_allclose(in_order(found.multipliers), in_order(exact), atol=1e-8)
+    np.testing.assert_allclose(in_order(run.multipliers.values), in_order(exact), atol=1e-8)
 
 
 def test_a_pid_with_an_integral_repeats_though_what_it_adds_up_does_not() -> None:
@@ -84,15 +84,14 @@ def test_a_pid_with_an_integral_repeats_though_what_it_adds_up_does_not() -> Non
     np.testing.assert_allclose([found.q[at], found.v[own]], [answer.real, (s * answer).real], atol=1e-7)
     closed = np.array([[0, 1, 0], [-kp / m, -kd / m, 1 / m], [-ki, 0, 0]])  # the integral's part of the output is last
     exact = in_order(np.linalg.eigvals(expm(closed * 2 * np.pi / omega)))
-    moduli = np.sort(np.abs(found.multipliers))
+    moduli = np.sort(np.abs(run.multipliers.values))
     np.testing.assert_allclose(moduli, np.sort(np.abs(exact)), atol=1e-7)
 
 
 @pytest.fixture(scope="module")
-def pendulum() -> PeriodicMotion:
+def pendulum() -> Pipeline:
     torque = {"type": "torque", "joint": "hinge", "torque": {"formula": "2.5*sin(3*t) + 1.5", "unit": "N m"}}
-    run = pipeline_of(PENDULUM, 2 * np.pi / 3, hinge={"angle": -1.2}, drive={"motor": torque})
-    return run.periodic
+    return pipeline_of(PENDULUM, 2 * np.pi / 3, hinge={"angle": -1.2}, drive={"motor": torque})
 
 
 def swing(t: float, x: Array) -> list[float]:
@@ -100,17 +99,17 @@ def swing(t: float, x: Array) -> list[float]:
     return [x[1], (2.5 * np.sin(3 * t) + 1.5 - 0.7 * x[1] - 9.81 * np.cos(x[0])) * 1.5]
 
 
-def test_a_driven_pendulum_is_where_a_long_march_by_scipy_settles(pendulum: PeriodicMotion) -> None:
-    T = 2 * np.pi / 3
+def test_a_driven_pendulum_is_where_a_long_march_by_scipy_settles(pendulum: Pipeline) -> None:
+    T, found = 2 * np.pi / 3, pendulum.periodic
     end = solve_ivp(swing, (0, 40 * T), [-1.2, 0.0], rtol=1e-11, atol=1e-12, method="DOP853").y[:, -1]
-    assert np.ptp(pendulum.states[:, 0]) > 0.8  # a wide swing
-    np.testing.assert_allclose([pendulum.q[0], pendulum.v[0]], end, atol=1e-8)
-    assert pendulum.gap < 1e-8
+    assert np.ptp(found.states[:, 0]) > 0.8  # a wide swing
+    np.testing.assert_allclose([found.q[0], found.v[0]], end, atol=1e-8)
+    assert found.gap < 1e-8
 
 
-def test_multipliers_of_a_pendulum_are_those_of_its_flow(pendulum: PeriodicMotion) -> None:
+def test_multipliers_of_a_pendulum_are_those_of_its_flow(pendulum: Pipeline) -> None:
     """The flow is differentiated by finite differences of SciPy's marches."""
-    start, T, columns = np.array([*pendulum.q, *pendulum.v]), 2 * np.pi / 3, []
+    start, T, columns = np.array([*pendulum.periodic.q, *pendulum.periodic.v]), 2 * np.pi / 3, []
     for k in range(2):
         ends = [
             solve_ivp(swing, (0, T), start + sign * np.eye(2)[k], rtol=1e-12, atol=1e-13, method="DOP853").y[:, -1]
@@ -118,7 +117,7 @@ def test_multipliers_of_a_pendulum_are_those_of_its_flow(pendulum: PeriodicMotio
         ]
         columns.append((ends[0] - ends[1]) / 2e-5)
     exact = np.linalg.eigvals(np.array(columns).T)
-    np.testing.assert_allclose(in_order(pendulum.multipliers), in_order(exact), atol=1e-6)
+    np.testing.assert_allclose(in_order(pendulum.multipliers.values), in_order(exact), atol=1e-6)
 
 
 def test_an_upside_down_pendulum_repeats_and_is_called_unstable() -> None:
@@ -153,12 +152,12 @@ def test_a_crank_with_a_flexible_rod_repeats_as_after_a_long_march() -> None:
     np.testing.assert_allclose(found.q[modes], march.q[-1][modes], atol=1e-5 * size)
     assert found.gap < 1e-8
     assert found.marches < 20
-    assert len(found.multipliers) == 2 * len(modes)  # the joints follow
+    assert len(run.multipliers.values) == 2 * len(modes)  # the joints follow
     # Between two periods the distance x to the orbit goes on as x'' = a x' − b x, with b the modulus squared of a pair.
     x = march.q[3:8][:, modes] - found.q[modes]
     pairs = np.stack([x[1:-1].ravel(), -x[:-2].ravel()], axis=1)
     (_, b), *_ = np.linalg.lstsq(pairs, x[2:].ravel(), rcond=None)
-    assert np.abs(found.multipliers[:2]) == pytest.approx(np.sqrt(b), rel=1e-3)
+    assert np.abs(run.multipliers.values[:2]) == pytest.approx(np.sqrt(b), rel=1e-3)
 
 
 def test_a_free_rotor_with_an_unbalance_whirls_as_the_closed_form() -> None:

@@ -57,7 +57,7 @@ class TimeLimit:
             if not first or done < first[0][1]:  # another march of the same method
                 first[:] = [(now, done)]
             taken, part = now - first[0][0], done - first[0][1]
-            if taken > JUDGED_AFTER and part > 0 and done < 1:
-                self.require(taken * (1 - done) / part)
+            if done < 1:
+                self.require(taken * (1 - done) / part if taken > JUDGED_AFTER and part > 0 else 0.0)
 
         return advance

@@ -87,20 +87,44 @@ def _by_implicit_steps(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) 
     Steps without a solution, as of a loop that starts at rest with fast static responses, are halved.
     """
     beside, ours = of.beside
-    require_start(of, rich)
     method: Any = of.implicit_method if beside is of.plan else beside.integrator
     for k in range(limits.MOST_REFINEMENTS):
         plan = replace(of.plan, integrator=replace(method, step=method.step / 2**k))
         try:
+            plan = _begin_alike(of, rich, plan)
             theirs = of.march(rich, plan_like(plan, rich), limits.FINER_WORK if k else 1.0)
         except AccuracyError:
             if k + 1 == limits.MOST_REFINEMENTS:
                 raise
         else:
             break
-    if plan.integrator != beside.integrator:
+    if of.run.scene.repeats or plan.integrator != beside.integrator:
         ours = of.quantities_of(of.run, of.march(of.run, plan))
     return ours, of.quantities_of(rich, theirs, as_if=as_if or None)
+
+
+def _begin_alike(of: Comparison, rich: Pipeline, plan: Plan) -> Plan:
+    """Return the run's plan, where the scene begins on a periodic motion on that which its own steps repeat.
+
+    The richer basis gets such a start, too: a search by a method that follows its vibrations takes far longer.
+
+    Raises
+    ------
+    LeftOutError
+        The search with the richer basis would take longer than the time limit leaves.
+    """
+    if not of.run.scene.repeats:
+        return plan
+    from fmd.stages.periodic import find_periodic_start
+
+    plan.compile()
+    begun = of.limit.spent
+    found = find_periodic_start(of.run.divided_scene, of.run.system, plan.integrator)
+    of.limit.require((rich.system.n / of.run.system.n) ** 2 * (of.limit.spent - begun))
+    theirs = find_periodic_start(rich.divided_scene, rich.system, plan.integrator)
+    rich.results[type(rich).periodic.name] = theirs
+    rich.results.pop(type(rich).start.name, None)
+    return replace(plan, start=(found.q, found.v))
 
 
 def _is_resolved(
@@ -145,7 +169,7 @@ def require_start(of: Comparison, rich: Pipeline) -> None:
     """Raise ``LeftOutError`` if the search for a richer model's periodic motion would take longer than is left."""
     if of.run.scene.repeats and "periodic motion" not in rich.results:
         found = of.run.periodic
-        periods = (found.marches + found.disturbed_marches) * found.period / float(of.run.output_times[-1])
+        periods = found.marches * found.period / float(of.run.output_times[-1])
         of.limit.require(
             periods * _work_of_vibrations(of, rich, limits.DIE_OUT) * of.run.fine_motion.trajectory.seconds
         )

@@ -13,6 +13,7 @@ from typing import Any, Generic, Literal, TypeVar
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.interruption import check_for_interruption
 from fmd.core.limits.newton import MOST_HALVINGS, STALLED
 
 State = TypeVar("State")
@@ -112,6 +113,7 @@ def solve(
     """
     x, left, before, last, count = start, residual(start), np.inf, np.inf, 0
     while True:
+        check_for_interruption()
         rest = largest(left)
         if settles(rest, before, tolerance.residual, tolerance.stalled):
             return Solution(x, rest, last, count, "")

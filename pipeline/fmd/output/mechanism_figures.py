@@ -96,14 +96,14 @@ def periodic_figures(run: Pipeline) -> dict[str, Any]:
     """Return period, gap, multipliers and work of a scene's periodic start."""
     if not run.scene.repeats:
         return {}
-    motion = run.periodic
+    motion, multipliers = run.periodic, run.multipliers
     return {
         "periodic": {
             "period_s": motion.period,
             "gap": motion.gap,
-            "multipliers": [{"modulus": float(abs(mu)), "angle_rad": float(np.angle(mu))} for mu in motion.multipliers],
+            "multipliers": [{"modulus": float(abs(mu)), "angle_rad": float(np.angle(mu))} for mu in multipliers.values],
             "marched_periods": motion.marches,
-            "marched_for_multipliers": motion.disturbed_marches,
+            "marched_for_multipliers": multipliers.marches,
         }
     }
 
@@ -112,7 +112,7 @@ def periodic_warnings(run: Pipeline) -> list[dict[str, str]]:
     """Warn of a periodic motion from which small disturbances grow: nothing settles at it by itself."""
     if not run.scene.repeats:
         return []
-    largest = float(np.abs(run.periodic.multipliers).max(initial=0.0))
+    largest = float(np.abs(run.multipliers.values).max(initial=0.0))
     if largest <= 1.0 + GROWS:
         return []
     text = (

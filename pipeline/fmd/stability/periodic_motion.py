@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from fmd.core import newton
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import AccuracyError
+from fmd.core.interruption import check_for_interruption
 from fmd.core.limits import stability as limits
 from fmd.core.limits.newton import SHORTEST_NORM
 from fmd.dynamics.mechanism import Mechanism
-from fmd.integrators.adaptive import AdaptiveIntegrator
-from fmd.integrators.protocol import evaluate_projection, move_positions
+from fmd.integrators.protocol import Integrator, evaluate_projection, move_positions
 from fmd.integrators.step_control import groups_of
 
 State = tuple[Array, Array]
@@ -40,21 +40,18 @@ class PeriodicMotion:
     q: Array  # (n_positions,): positions at the start
     v: Array  # (n,): rates at the start
     gap: float  # what is left after a period, beside the largest value of each kind of coordinate
-    # (k,): Floquet multipliers, the largest first; those so small that round-off hides them are left out
-    multipliers: NDArray[np.complex128]
     marches: int  # periods that were marched to find it
-    disturbed_marches: int  # periods that were marched for the multipliers
     times: Array  # (n_times,): some times of the period [s]
     states: Array  # (n_times, n_positions + n): positions and rates then
 
 
 def find_periodic_motion(
-    system: Any, method: AdaptiveIntegrator, start: State, period: float, closes: float
+    system: Any, method: Integrator, start: State, period: float, closes: float, error: float
 ) -> PeriodicMotion:
     """Find the motion that repeats after a period [s], as the mechanism's loads and motions do, near a state.
 
-    The method marches over the period to an error well below ``closes``: gap and last correction, beside the largest
-    value of each kind of coordinate.
+    The method marches over the period with a relative ``error`` that differences of its marches have, well below
+    ``closes``: gap and last correction, beside the largest value of each kind of coordinate.
 
     Raises
     ------
@@ -63,7 +60,7 @@ def find_periodic_motion(
     StabilityError
         A march fails.
     """
-    search = _Search(system, method, period)
+    search = _Search(system, method, period, error)
     tolerance = newton.Tolerance(limits.CORRECTIONS, absolute=closes)
     found = newton.solve(
         search.march(start),
@@ -83,11 +80,25 @@ def find_periodic_motion(
             "those of the motion helps, and damping, without which a vibration at a multiple of the drive's frequency "
             "grows without end"
         )
-    orbit, marches = found.state, search.marches
-    multipliers = search.multipliers(orbit)
-    q, v = orbit.start
-    disturbed = search.marches - marches
-    return PeriodicMotion(period, q, v, found.residual, multipliers, marches, disturbed, orbit.times, orbit.states)
+    orbit = found.state
+    return PeriodicMotion(period, *orbit.start, found.residual, search.marches, orbit.times, orbit.states)
+
+
+def find_multipliers(system: Any, method: Integrator, motion: PeriodicMotion, error: float) -> Multipliers:
+    """Return a motion's Floquet multipliers, as far as differences of marches with this relative error tell them."""
+    search, states = _Search(system, method, motion.period, error), motion.states
+    q, v = np.split(states[-1], [len(motion.q)])
+    orbit = _Orbit((motion.q, motion.v), motion.times, states, (q, v), search.scale_of(states))
+    return Multipliers(search.multipliers(orbit), search.marches)
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """Floquet multipliers of a motion that repeats."""
+
+    # (k,): the largest first; those so small that round-off hides them are left out
+    values: NDArray[np.complex128]
+    marches: int  # periods that were marched to find them
 
 
 @dataclass(frozen=True)
@@ -104,10 +115,9 @@ class _Orbit:
 class _Search:
     """Newton's method for a mechanism; small motions (η, ζ) of positions and rates are over their scales, (2 n,)."""
 
-    def __init__(self, system: Any, method: AdaptiveIntegrator, period: float) -> None:
-        self.system, self.method, self.period = system, method, period
+    def __init__(self, system: Any, method: Integrator, period: float, error: float) -> None:
+        self.system, self.method, self.period, self.error = system, method, period, error
         self.turning, self.counted = _turning_rates(system.mechanism)
-        self.error = limits.ADDED_UP * method.tolerance
         self.marches = 0
         self.known: list[tuple[Array, Array]] = []  # directions v, and Φ v
         self.before, self.stale = np.inf, False  # the last gap; if directions of an orbit before served
@@ -116,12 +126,12 @@ class _Search:
     def march(self, start: State) -> _Orbit:
         """March over a period from a state."""
         times = np.linspace(0.0, self.period, limits.SAMPLES + 1)
-        trajectory = self.method.march(self.system, *start, times)
+        trajectory = self.method.march(self.system, *start, times, lambda done: check_for_interruption())
         self.marches += 1
         states = np.concatenate([trajectory.q, trajectory.v], axis=1)
-        return _Orbit(start, times, states, (trajectory.q[-1], trajectory.v[-1]), self._scale(states))
+        return _Orbit(start, times, states, (trajectory.q[-1], trajectory.v[-1]), self.scale_of(states))
 
-    def _scale(self, states: Array) -> Array:
+    def scale_of(self, states: Array) -> Array:
         """Return the largest value of the group of each small motion, shape (2 n,)."""
         groups, at = groups_of(self.system), self.system.mechanism.position_of_rates
         largest = np.zeros(int(groups.max(initial=-1)) + 1)

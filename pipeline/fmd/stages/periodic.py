@@ -8,24 +8,22 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.limits.stability import CLOSES, JUST_BEFORE, NOT_PERIODIC, SEARCH_TOLERANCE
+from fmd.core.limits.stability import ADDED_UP, CLOSES, JUST_BEFORE, NOT_PERIODIC, OF_SOLUTIONS, SEARCH_TOLERANCE
 from fmd.core.limits.stepping import FINEST_TOLERANCE
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators.adaptive import AdaptiveIntegrator
-from fmd.integrators.protocol import evaluate
+from fmd.integrators.protocol import Integrator, evaluate
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.scene.run_table import TolerantRun
-from fmd.stability.periodic_motion import PeriodicMotion, find_periodic_motion
+from fmd.stability.periodic_motion import Multipliers, PeriodicMotion, find_multipliers, find_periodic_motion
 from fmd.stages.mechanism import place_joints
 
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene
 
 
-def find_periodic_start(scene: Scene, system: CompiledSystem) -> PeriodicMotion:
-    """Find the motion of a scene that repeats after ``simulation.period``.
-
-    It is marched by the method of the scene's first run if that keeps a tolerance, else by ``runge-kutta``.
+def find_periodic_start(scene: Scene, system: CompiledSystem, method: Integrator | None = None) -> PeriodicMotion:
+    """Find the motion of a scene that repeats after ``simulation.period`` by a method, that of its search by default.
 
     Raises
     ------
@@ -34,17 +32,34 @@ def find_periodic_start(scene: Scene, system: CompiledSystem) -> PeriodicMotion:
     InputError
         Loads or prescribed motions don't repeat after the period.
     """
-    simulation, run = scene.simulation, scene.simulation.run[0]
+    simulation, method = scene.simulation, method or _method_of_search(scene)
     assert simulation.period is not None
-    tolerance = max(SEARCH_TOLERANCE * simulation.error, FINEST_TOLERANCE)
-    method: AdaptiveIntegrator = RungeKutta(tolerance)
-    if isinstance(run, TolerantRun):
-        own = run.model_copy(update={"tolerance": tolerance}).make(0.0, simulation.error, simulation.duration)
-        method = own if isinstance(own, AdaptiveIntegrator) else method
-    start = place_joints(scene, system.mechanism)
-    found = find_periodic_motion(system, method, start, simulation.period, CLOSES * simulation.error)
+    start, closes = place_joints(scene, system.mechanism), CLOSES * simulation.error
+    found = find_periodic_motion(system, method, start, simulation.period, closes, _error_of(method))
     _require_repeating(scene, system, found)
     return found
+
+
+def find_multipliers_of_start(scene: Scene, system: CompiledSystem, motion: PeriodicMotion) -> Multipliers:
+    """Return the Floquet multipliers of a scene's motion that repeats, by the method that it is sought by."""
+    method = _method_of_search(scene)
+    return find_multipliers(system, method, motion, _error_of(method))
+
+
+def _method_of_search(scene: Scene) -> AdaptiveIntegrator:
+    """Return the method of the scene's first run if that keeps a tolerance, else ``runge-kutta``, with a finer one."""
+    simulation, run = scene.simulation, scene.simulation.run[0]
+    tolerance = max(SEARCH_TOLERANCE * simulation.error, FINEST_TOLERANCE)
+    if isinstance(run, TolerantRun):
+        own = run.model_copy(update={"tolerance": tolerance}).make(0.0, simulation.error, simulation.duration)
+        if isinstance(own, AdaptiveIntegrator):
+            return own
+    return RungeKutta(tolerance)
+
+
+def _error_of(method: Integrator) -> float:
+    """Return the relative error of differences of a method's marches: of its steps' choice, or of their solutions."""
+    return ADDED_UP * (method.tolerance if isinstance(method, AdaptiveIntegrator) else OF_SOLUTIONS)
 
 
 def _require_repeating(scene: Scene, system: CompiledSystem, motion: PeriodicMotion) -> None:

@@ -50,6 +50,7 @@ SEARCH_TOLERANCE = 1e-8  # of the steps of the search, over the wanted error
 CLOSES = 1e-3  # gap and last correction, over the wanted error, beside the largest value of each kind of coordinate
 CORRECTIONS = 40  # of Newton's method
 ADDED_UP = 1e3  # tolerances: what the steps of a period may be off by together
+OF_SOLUTIONS = 1e-12  # the same of implicit steps, which differ as smoothly as their solutions
 FOLLOWED = 0.03  # part of a gap that may be left of it by the directions in which disturbances are followed
 ASTRAY = 10.0  # times the gap before: a correction that leaves more is halved
 KEPT_SLOPES = 0.05  # part of the gap before: with less left, disturbances followed before go on to serve
