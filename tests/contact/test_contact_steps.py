@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.errors import ConvergenceError, InputError
 from fmd.core.limits.contact import CHOSEN_STEP
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.stages.contact_steps import steps_settle
 from tests.contact.test_contact_points import BLOCK
 
 IMPLICIT = "simulation.run.0.integrator=generalized-alpha"
@@ -89,3 +91,14 @@ def test_a_step_that_does_not_converge_is_halved_where_it_is_left_open_and_named
     steps.clear()
     with pytest.raises(ConvergenceError, match=r"simulation\.step: Newton's iteration did not converge"):
         _ = block(IMPLICIT, "simulation.step=1 us").motion
+
+
+def test_a_contact_that_half_the_step_no_longer_finds_has_changed() -> None:
+    """Relative to what is left of it, nothing, no change could be told."""
+    run, no_work = automatic(BLOCK, 5e-3), {"friction_work": np.zeros(2), "damping_work": np.zeros(2)}
+    found: list[dict[str, Any]] = []
+    for size in (1.0, 0.0):
+        own = SimpleNamespace(lost_part=lambda _: 0.0, impulse=np.full((2, 3), size), largest=[size], **no_work)
+        found.append({"run": SimpleNamespace(energies=np.ones((2, 2)), contacts={"floor": own})})
+    assert not steps_settle(run.scene, found)
+    assert steps_settle(run.scene, found[:1] * 2)

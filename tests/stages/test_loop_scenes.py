@@ -321,3 +321,30 @@ def test_a_crank_press_says_in_which_ways_it_closes(position: str, side: int) ->
     assert re.findall(r"'(-?[\d.]+) mm'", ways["text"]) == [f"{side * 154.9:.1f}", f"{-side * 154.9:.1f}"]
     near = [f"joint.guide.position={side * 150} mm", f"joint.big_end.angle={-side * 100} deg"]
     assert "closing-ways" not in {warning["code"] for warning in loop_warnings(Pipeline(load_scene(PRESS, near)))}
+
+
+def test_a_pin_some_micrometres_off_is_not_said_to_be_far_from_where_loops_close() -> None:
+    """Slides at zero are measured by the size of bodies: a block 10 µm from its pin, beside a parallelogram."""
+
+    def rod(length: str) -> dict[str, Any]:
+        markers = {name: {"at": [x, "0 mm", "0 mm"]} for name, x in (("a", "0 mm"), ("b", length))}
+        return {"shape": "rod", "mass": "1 kg", "length": length, "marker": markers}
+
+    def hinge(parent: str, child: str, **angle: str) -> dict[str, Any]:
+        return {"type": "revolute", "parent": parent, "child": child, "axis": [0, 0, 1]} | angle
+
+    guide = {"type": "prismatic", "parent": "ground", "child": "ram.pin", "axis": [1, 0, 0], "position": "0 mm"}
+    places = {"foot": {"at": ["90 mm", "0 mm", "0 mm"]}, "pin": {"at": ["10 um", "0 mm", "0 mm"]}}
+    joints = {
+        "shaft": hinge("ground", "crank.a"),
+        "pin": hinge("crank.b", "coupler.a", angle="-90 deg"),
+        "foot": hinge("ground.foot", "rocker.a", angle="90 deg"),
+        "closing": hinge("coupler.b", "rocker.b"),
+        "guide": guide,
+        "held": {"type": "spherical", "parent": "ground.pin", "child": "ram.pin"},
+    }
+    bodies = {"crank": rod("40 mm"), "coupler": rod("90 mm"), "rocker": rod("40 mm"), "ram": PRESS["body"]["ram"]}
+    drive = {"crank": {"type": "motion", "joint": "shaft", "angle": {"formula": "pi/2 + 3*t", "unit": "rad"}}}
+    simulation = PRESS["simulation"] | {"tip": "crank.b"}
+    scene = PRESS | {"ground": places, "body": bodies, "joint": joints, "drive": drive, "simulation": simulation}
+    assert [warning["code"] for warning in loop_warnings(Pipeline(load_scene(scene)))] == ["start-moved"]

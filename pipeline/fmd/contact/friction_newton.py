@@ -60,10 +60,10 @@ def find_forces_by_newton(c: ContactTable, g: int, least: float) -> bool:
             n, size = max(0.0, p0), math.sqrt(p1 * p1 + p2 * p2)
             share = bound / size if size > bound else 1.0
             off0, off1, off2 = c.force[i, 0] - n, c.force[i, 1] - share * p1, c.force[i, 2] - share * p2
+            if not abs(off0) + abs(off1) + abs(off2) < math.inf:  # which max passes over
+                return False
             change = max(change, abs(off0), abs(off1), abs(off2))
             largest, begins = max(largest, n), begins or c.grip[own] != grip
-        if not change < math.inf:
-            return False
         rounded = change <= c.noise[g] / least and (fresh == 1 or change > 0.5 * before)
         if rounded or change <= SMALL_FORCE * largest:
             _note_displacements(c, g)

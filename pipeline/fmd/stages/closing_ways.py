@@ -30,7 +30,7 @@ def describe_ways(scene: Scene, mechanism: Mechanism) -> str:
     system, every = CompiledSystem(rigid), _coordinates(scene, rigid, np.arange(rigid.n))
     taken = rigid.rest_positions if mechanism.assembled else None
     slides = [one.position for one in every if one.unit == "m"]
-    size = max(2.0 * open_residual(system, q), np.abs((q if taken is None else taken)[slides]).max(initial=0.0))
+    size = max(mechanism.reach, 2.0 * open_residual(system, q), *np.abs((q if taken is None else taken)[slides]))
     if not every or (taken is not None and _apart(every, size, taken, q) <= limits.SPREAD):
         return ""
     for columns in (loose_rates(scene, rigid, "position"), np.arange(rigid.n)):

@@ -102,18 +102,19 @@ def most_halvings(built: Pipeline) -> int:
 def _contact_change(one: Mapping[str, Motion], other: Mapping[str, Motion]) -> float:
     """Return the largest relative change between motions of like runs in contacts' impulses, largest forces and heat.
 
-    Heat is compared with the largest of heat and kinetic energy.
+    They are compared with the larger of both, heat with the largest kinetic energy, too.
     """
     found = 0.0
     for label, motion in other.items():
         kinetic = float(motion.energies[0].max())
         for name, own in motion.contacts.items():
             its = one[label].contacts[name]
-            heat, before = (float(at.friction_work[-1] + at.damping_work[-1]) for at in (own, its))
+            heats = [float(at.friction_work[-1] + at.damping_work[-1]) for at in (own, its)]
+            impulses, forces = np.array([own.impulse[-1], its.impulse[-1]]), (own.largest[0], its.largest[0])
             pairs = [
-                (float(np.linalg.norm(own.impulse[-1] - its.impulse[-1])), float(np.linalg.norm(own.impulse[-1]))),
-                (abs(own.largest[0] - its.largest[0]), own.largest[0]),
-                (abs(heat - before), max(abs(heat), kinetic)),
+                (float(np.linalg.norm(impulses[0] - impulses[1])), float(np.linalg.norm(impulses, axis=1).max())),
+                (abs(forces[0] - forces[1]), max(forces)),
+                (abs(heats[0] - heats[1]), max(*map(abs, heats), kinetic)),
             ]
             found = max(found, *(change / size if size else 0.0 for change, size in pairs))
     return found
