@@ -84,16 +84,16 @@ def find_periodic_motion(
     return PeriodicMotion(period, *orbit.start, found.residual, search.marches, orbit.times, orbit.states)
 
 
-def find_multipliers(system: Any, method: Integrator, motion: PeriodicMotion, error: float) -> Multipliers:
+def find_multipliers(system: Any, method: Integrator, motion: PeriodicMotion, error: float) -> FloquetMultipliers:
     """Return a motion's Floquet multipliers, as far as differences of marches with this relative error tell them."""
     search, states = _Search(system, method, motion.period, error), motion.states
     q, v = np.split(states[-1], [len(motion.q)])
     orbit = _Orbit((motion.q, motion.v), motion.times, states, (q, v), search.scale_of(states))
-    return Multipliers(search.multipliers(orbit), search.marches)
+    return FloquetMultipliers(search.multipliers(orbit), search.marches)
 
 
 @dataclass(frozen=True)
-class Multipliers:
+class FloquetMultipliers:
     """Floquet multipliers of a motion that repeats."""
 
     # (k,): the largest first; those so small that round-off hides them are left out

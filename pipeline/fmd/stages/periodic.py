@@ -15,11 +15,17 @@ from fmd.integrators.adaptive import AdaptiveIntegrator
 from fmd.integrators.protocol import Integrator, evaluate
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.scene.run_table import TolerantRun
-from fmd.stability.periodic_motion import Multipliers, PeriodicMotion, find_multipliers, find_periodic_motion
+from fmd.stability.periodic_motion import (
+    FloquetMultipliers,
+    PeriodicMotion,
+    find_multipliers,
+    find_periodic_motion,
+)
 from fmd.stages.mechanism import place_joints
 
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene
+    from fmd.stages.pipeline import Pipeline
 
 
 def find_periodic_start(scene: Scene, system: CompiledSystem, method: Integrator | None = None) -> PeriodicMotion:
@@ -40,10 +46,15 @@ def find_periodic_start(scene: Scene, system: CompiledSystem, method: Integrator
     return found
 
 
-def find_multipliers_of_start(scene: Scene, system: CompiledSystem, motion: PeriodicMotion) -> Multipliers:
-    """Return the Floquet multipliers of a scene's motion that repeats, by the method that it is sought by."""
-    method = _method_of_search(scene)
-    return find_multipliers(system, method, motion, _error_of(method))
+def find_own_start(run: Pipeline) -> PeriodicMotion:
+    """Find the motion of a run's scene that repeats; raises as `find_periodic_start`."""
+    return find_periodic_start(run.divided_scene, run.system)
+
+
+def find_own_multipliers(run: Pipeline) -> FloquetMultipliers:
+    """Return the Floquet multipliers of the motion that a run begins on, by the method that it is sought by."""
+    method = _method_of_search(run.divided_scene)
+    return find_multipliers(run.system, method, run.periodic, _error_of(method))
 
 
 def _method_of_search(scene: Scene) -> AdaptiveIntegrator:

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from fmd.recovery.motion import Motion
     from fmd.reduction.body import FlexibleBody
     from fmd.reduction.modes import Modes
-    from fmd.stability.periodic_motion import Multipliers, PeriodicMotion
+    from fmd.stability.periodic_motion import FloquetMultipliers, PeriodicMotion
     from fmd.stages.buckling import StiffnessChange
     from fmd.stages.contact_deformation import ContactDeformation
     from fmd.stages.plan import Growth, Plan
@@ -82,18 +82,6 @@ def _find_start(run: Pipeline) -> tuple[Array, Array]:
     if run.scene.repeats:
         return run.periodic.q, run.periodic.v
     return find_start(run.divided_scene, run.system)
-
-
-def _find_periodic_motion(run: Pipeline) -> PeriodicMotion:
-    from fmd.stages.periodic import find_periodic_start
-
-    return find_periodic_start(run.divided_scene, run.system)
-
-
-def _find_multipliers(run: Pipeline) -> Multipliers:
-    from fmd.stages.periodic import find_multipliers_of_start
-
-    return find_multipliers_of_start(run.divided_scene, run.system, run.periodic)
 
 
 def _measure_deformations(run: Pipeline) -> Mapping[str, Deformation]:
@@ -171,10 +159,10 @@ class Pipeline:
     )
     system: Stage[CompiledSystem] = Stage("equations", _make_system, ("mechanism",))
     periodic: Stage[PeriodicMotion] = Stage(
-        "periodic motion", _find_periodic_motion, ("equations",), applies=lambda run: run.scene.repeats
+        "periodic motion", "periodic:find_own_start", ("equations",), applies=lambda run: run.scene.repeats
     )
-    multipliers: Stage[Multipliers] = Stage(
-        "Floquet multipliers", _find_multipliers, ("periodic motion",), applies=lambda run: run.scene.repeats
+    multipliers: Stage[FloquetMultipliers] = Stage(
+        "Floquet multipliers", "periodic:find_own_multipliers", ("periodic motion",), applies=lambda r: r.scene.repeats
     )
     start: Stage[tuple[Array, Array]] = Stage("start", _find_start, ("equations", "periodic motion"))
     drafts: Stage[tuple[Plan, ...]] = Stage("steps", "runs:draft_plans", ("equations", "start"))
