@@ -277,13 +277,10 @@ def test_a_wrong_mode_is_named_with_its_frequency(small_bar: FEModel, monkeypatc
         solver.modes(4)
 
 
-@pytest.mark.parametrize("lost", [0, 1, 6, 11, 12])
-def test_a_mode_that_lanczos_loses_is_noticed(lost: int, square_bar: FEModel, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave one of fifteen modes out (the last two are a pair): nothing in the others gives it away."""
-
+def test_a_mode_that_lanczos_loses_always_is_noticed(square_bar: FEModel, monkeypatch: pytest.MonkeyPatch) -> None:
     def forgetful(A: object, k: int, *args: object, **options: object) -> tuple[Array, Array]:
         values, vectors = lanczos(A, k + 1, *args, **options)
-        order = np.delete(np.argsort(values), lost)
+        order = np.argsort(values)[1:]
         return values[order], vectors[:, order]
 
     lanczos = eigen.eigsh
@@ -292,14 +289,18 @@ def test_a_mode_that_lanczos_loses_is_noticed(lost: int, square_bar: FEModel, mo
         FreeBodySolver(square_bar).modes(14)
 
 
-def test_a_second_search_finds_what_the_first_has_missed(square_bar: FEModel, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("lost", [0, 1, 6, 11, 12])
+def test_a_second_search_finds_what_the_first_has_missed(
+    lost: int, square_bar: FEModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Leave one of fifteen modes out (the last two are a pair): nothing in the others gives it away."""
     expected = FreeBodySolver(square_bar).modes(14).omega
     tries = []
 
     def forgetful_once(A: object, k: int, *args: object, **options: object) -> tuple[Array, Array]:
         tries.append(k)
         values, vectors = lanczos(A, k + 1, *args, **options)
-        order = np.delete(np.argsort(values), 2 if len(tries) == 1 else k)
+        order = np.delete(np.argsort(values), lost if len(tries) == 1 else k)
         return values[order], vectors[:, order]
 
     lanczos = eigen.eigsh

@@ -140,10 +140,11 @@ class FreeBodySolver:
         n, B = self._K.shape[0], self._constraint_columns(constraints)
         inverse = constrained_inverse(self._inverse, B) if B.shape[1] else self._inverse
         Z = self._rigid_modes_left(B)
-        count = min(count, n - B.shape[1] - Z.shape[1])
+        room = n - B.shape[1] - Z.shape[1]
+        count = min(count, room)
         n_vectors = max(2 * count, count + 20)
-        if n_vectors + Z.shape[1] < n - B.shape[1]:
-            eigenvalues, Phi = self._elastic_pairs(count, n_vectors, Z, inverse)
+        if n_vectors < room:
+            eigenvalues, Phi = self._elastic_pairs(count, n_vectors, room, Z, inverse)
             eigenvalues = np.concatenate([np.einsum("ij,ij->j", Z, self._K @ Z), eigenvalues])
             Phi = np.concatenate([Z, Phi], axis=1)
         else:  # a mesh of a few elements
@@ -260,43 +261,45 @@ class FreeBodySolver:
         Z = np.linalg.qr(R)[0]
         return np.linalg.solve(np.linalg.cholesky(Z.T @ (self._M @ Z)), Z.T).T
 
-    def _elastic_pairs(self, count: int, n_vectors: int, Z: Array, inverse: Inverse) -> tuple[Array, Array]:
-        """Lowest eigenpairs among the fields that are M-orthogonal to the rigid-body modes Z.
+    def _elastic_pairs(self, count: int, n_vectors: int, room: int, Z: Array, inverse: Inverse) -> tuple[Array, Array]:
+        """Lowest eigenpairs among the fields that are M-orthogonal to the rigid-body modes Z, of ``room`` dimensions.
 
-        Those are known from geometry; left in, they would be the first that Lanczos finds, and cost solves.
+        Those are known from geometry; left in, they would be the first that Lanczos finds, and cost solves. So are the
+        modes of a search that has missed one: of equal frequencies a start has no more than it has vectors.
         """
+        values, Phi, known = np.zeros(0), np.zeros((len(Z), 0)), Z
         for attempt in range(LANCZOS_TRIES):
-            size = min(n_vectors << attempt, len(Z))
+            size = min(n_vectors, room - Phi.shape[1] - 1)
+            more = min(count, size // 2)
             if self._factor.lowest is not None and inverse is self._inverse:
-                theta, Phi = self._factor.lowest(self._M, count, size, Z)
-                values = theta + self.shift
-            elif self._factor.at_once > 1:
-                values, Phi = self._block_lanczos(count, size, Z, inverse, attempt)
+                theta, new = self._factor.lowest(self._M, more, size, known)
+                found = theta + self.shift
             else:
-                values, Phi = self._lanczos(count, size, Z, inverse, attempt)
+                search = self._block_lanczos if self._factor.at_once > 1 else self._lanczos
+                found, new = search(more, size, known, inverse, attempt)
+            values, Phi = np.concatenate([values, found]), np.concatenate([Phi, new], axis=1)
+            lowest = np.argsort(values)[:count]
+            values, Phi = values[lowest], Phi[:, lowest]
             known = np.concatenate([Z, Phi], axis=1)
             missed = missed_eigenvalue(self._M, known, inverse, self.shift, values.max(), self._factor.at_once)
-            if missed is None:
+            if missed is None and len(values) == count:
                 return values, Phi
-            hertz = np.sqrt(max(missed, 0.0)) / 2 / np.pi
+            hertz = np.sqrt(max(missed or values.max(), 0.0)) / 2 / np.pi
         raise AccuracyError(
             f"Lanczos missed a mode at {hertz:.6g} Hz, below its highest, {LANCZOS_TRIES} times; ask for a few "
             "modes more or less"
         )
 
     def _lanczos(self, count: int, n_vectors: int, Z: Array, inverse: Inverse, seed: int) -> tuple[Array, Array]:
-        MZ, expected = self._M @ Z, 2 * n_vectors - count  # solutions, if it restarts once
-        solved = itertools.count(1)
-        self._advance(0.0)
-
-        def solve(f: Array) -> Array:
-            x = inverse(f)
-            self._advance(min(next(solved) / expected, 1.0))
-            return np.asarray(x - Z @ (MZ.T @ x))
-
+        MZ, solve = self._M @ Z, self._counted(inverse, 2 * n_vectors - count)  # solutions, if it restarts once
         start = np.random.default_rng(seed).standard_normal(len(Z))
         start -= Z @ (MZ.T @ start)
-        operator = LinearOperator(self._K.shape, matvec=solve, dtype=float)
+
+        def outside(f: Array) -> Array:
+            x = solve(f)
+            return np.asarray(x - Z @ (MZ.T @ x))
+
+        operator = LinearOperator(self._K.shape, matvec=outside, dtype=float)
         values, Phi = eigsh(
             self._K, count, self._M, self.shift, OPinv=operator, v0=start, ncv=n_vectors, tol=LANCZOS_RESIDUAL
         )
@@ -305,7 +308,13 @@ class FreeBodySolver:
     def _block_lanczos(self, count: int, n_vectors: int, Z: Array, inverse: Inverse, seed: int) -> tuple[Array, Array]:
         block = self._factor.at_once
         size = max(n_vectors, count + BASIS_BLOCKS * block)
-        solved, expected = itertools.count(1), 2 * size / block
+        start = np.random.default_rng(seed).standard_normal((len(Z), block))
+        theta, Phi = largest_pairs(self._counted(inverse, 2 * size / block), self._M, Z, count, size, start)
+        return 1.0 / theta + self.shift, Phi
+
+    def _counted(self, inverse: Inverse, expected: float) -> Inverse:
+        """Return an inverse that tells which part of the expected solutions is done."""
+        solved = itertools.count(1)
         self._advance(0.0)
 
         def solve(f: Array) -> Array:
@@ -313,9 +322,7 @@ class FreeBodySolver:
             self._advance(min(next(solved) / expected, 1.0))
             return x
 
-        start = np.random.default_rng(seed).standard_normal((len(Z), block))
-        theta, Phi = largest_pairs(solve, self._M, Z, count, size, start)
-        return 1.0 / theta + self.shift, Phi
+        return solve
 
     def _verified_pairs(self, eigenvalues: Array, Phi: Array, expected: int, inverse: Inverse) -> EigenPairs:
         """Count the rigid-body modes, verify the others and give each its sign."""
@@ -330,11 +337,8 @@ class FreeBodySolver:
             raise AccuracyError(
                 f"found {n_rigid} rigid-body modes, {whole} has {expected}; the lowest eigenvalues are {lowest} "
                 f"rad²/s², of which those below {ZERO_EIGENVALUE * self.bound:.1e} count as zero"
-                + (
-                    f"; round-off alone leaves {rounded:.0e} rad²/s², {THIN}"
-                    if rounded > ZERO_EIGENVALUE * self.bound
-                    else ""
-                )
+                + f"; round-off alone leaves {rounded:.0e} rad²/s², {THIN}"
+                * (rounded > ZERO_EIGENVALUE * self.bound)
             )
         residual = self._largest_residual(eigenvalues, Phi, n_rigid, inverse)
         shapes = self._nodal(Phi[:, n_rigid:])

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.limits.modes import EQUAL_EIGENVALUES, FEWEST_BLOCKS, FEWEST_STEPS, MOST_STEPS, TOUCHING
+from fmd.core.limits.modes import EQUAL_EIGENVALUES, FEWEST_BLOCKS, FEWEST_STEPS, MOST_STEPS, SEED, TOUCHING
 from fmd.reduction.block_lanczos import orthonormal_rows
 
 
@@ -41,7 +41,8 @@ def missed_eigenvalue(
     float or None
         Upper bound of the missed eigenvalue [rad²/s²]; ``None`` if no mode is missing.
     """
-    missed = shift + 1.0 / _largest_remaining(M, Phi, inverse, 1.0 / (highest - shift), block)
+    theta = _largest_remaining(M, Phi, inverse, 1.0 / (highest - shift), block)
+    missed = shift + 1.0 / theta if theta > 0.0 else np.inf
     return missed if missed < highest * (1 - EQUAL_EIGENVALUES) else None
 
 
@@ -51,11 +52,13 @@ def _largest_remaining(M: Any, Phi: Array, inverse: Callable[[Array], Array], kn
     The search ends as soon as the value, or its error bound, has passed ``known``, the smallest that belongs to Φ.
     """
     n, first = Phi.shape
-    start = M @ np.random.default_rng(1).standard_normal((n, block))
+    start = M @ np.random.default_rng(SEED).standard_normal((n, block))
     Q, MQ, H = Phi.T, (M @ Phi).T, np.zeros((0, 0))
     q, Mq, _, _ = orthonormal_rows(inverse(start).T, M, Q, MQ)
     theta, fewest = 0.0, FEWEST_STEPS if block == 1 else FEWEST_BLOCKS
     for step in range(min(MOST_STEPS, (n - first) // block)):
+        if not len(q):
+            break
         Q, MQ = np.concatenate([Q, q]), np.concatenate([MQ, Mq])
         q, Mq, c, R = orthonormal_rows(inverse(Mq.T).T, M, Q, MQ)
         H = np.block([[H, c[:, first : first + len(H)].T], [c[:, first:]]])
@@ -64,6 +67,6 @@ def _largest_remaining(M: Any, Phi: Array, inverse: Callable[[Array], Array], kn
         gap = theta - values[-2] if len(values) > 1 else 0.0
         bound = theta + (error**2 / gap if gap > error else error)
         converged = step >= fewest and bound < known * (1 + TOUCHING)
-        if converged or theta > known * (1 + TOUCHING) or not len(q):
+        if converged or theta > known * (1 + TOUCHING):
             break
     return theta

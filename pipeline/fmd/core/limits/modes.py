@@ -34,12 +34,13 @@ SINGULAR = 1e-13  # of its diagonal: a smaller pivot of a factor is round-off
 BASIS_BLOCKS = 6  # blocks beyond the wanted modes in a basis: with 10, two solutions less of 24
 DEPENDENT = 1e-13  # of a block's vectors: what is left of them outside the basis is round-off
 EVEN = 1e-4  # ratio of squares of a block's directions, from which on one product makes them orthonormal to 1e-12
-LANCZOS_TRIES = 3  # runs of Lanczos's method, each with twice as many vectors, until no mode is missed
+LANCZOS_TRIES = 3  # runs of Lanczos's method, each outside the modes of those before, until no mode is missed
 MOST_DENSE = 4000  # unknowns up to which all modes are computed in half a minute
 SPARE_MODES = 3  # modes of each harmonic beyond its share
 SLEPC_RESIDUAL = 1e-10  # at which SLEPc's iterations stop
 # Of Lanczos's method that looks for missed modes: a Ritz value converges only after some.
 FEWEST_STEPS, FEWEST_BLOCKS, MOST_STEPS = 10, 4, 60
+SEED = 100  # of its start: from that of a search it would miss the same, and these have 0, 1 …
 TOUCHING = 1e-6  # by which a missed eigenvalue of the inverse is larger than the last mode's, over that one
 EQUAL_EIGENVALUES = 1e-5  # part of the highest eigenvalue, within which another one counts as its equal
 
