@@ -80,8 +80,9 @@ def extrude(beams: Beams) -> SolidMesh:
         beam.append(np.full(len(section.quads), k))
         count += 2 * n
     x, owner, of_beam = np.concatenate(points), np.concatenate(owners), np.concatenate(beam)
-    size = FACE_IN_PLANE * float(np.ptp(x, axis=0).max())
-    keys = np.column_stack([owner, np.round(x / size)])  # beams in line have their points in common
+    # Beams in line have their points in common, but a section's own stay apart.
+    size = min(FACE_IN_PLANE * float(np.ptp(x, axis=0).max()), *(0.5 * each.closest() for each in beams.sections))
+    keys = np.column_stack([owner, np.round(x / size)])
     _, first, same = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     line = BeamLine(
         beams.x,

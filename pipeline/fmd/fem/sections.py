@@ -14,7 +14,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.files import ISOTROPIC
-from fmd.core.limits.mesh import FULLEST_TUBE, ROUND_CORNERS
+from fmd.core.limits.mesh import FULLEST_TUBE, ROUND_CORNERS, STIFF_IN_SHEAR
 
 NUMBERS_ALONE = "has sections by numbers without points, C to F of PBAR, so no stress; give these, or a PBARL"
 _GAUSS = 0.5 + np.sqrt(0.15) * np.arange(-1, 2), np.array([5.0, 8.0, 5.0]) / 18
@@ -45,6 +45,11 @@ class Section:
     def bending(self) -> Array:
         """Factors of the curvatures about y and z that make up for the drawing, shape (2,)."""
         return np.ones(2)
+
+    def closest(self) -> float:
+        """Return the smallest distance between two points [m]."""
+        apart = np.linalg.norm(self.points[:, None] - self.points, axis=2)
+        return float(apart[apart > 0].min())
 
     def places(self, yz: Array) -> Array:
         """Return where strain at places (…, 2) of the drawing is that of: there."""
@@ -130,9 +135,8 @@ class EvenSection(Changed):
 
 
 def _even_shear(section: Any, yz: Array, nu: float) -> Array:
-    """Return even factors of shear, none where there is no shear."""
-    share = section.shear_areas(nu)
-    return np.broadcast_to(np.where(np.isfinite(share), np.sqrt(share), 0.0), yz.shape)
+    """Return even factors of shear, whose energy is that of the shear areas."""
+    return np.broadcast_to(np.sqrt(section.shear_areas(nu)), yz.shape)
 
 
 def _even_twist(section: Any, yz: Array) -> Array:
@@ -192,7 +196,7 @@ class NumberedSection(Section):
     are even.
     """
 
-    shares: Array  # (2,): of the area that resist shear along y and z; infinite without shear
+    shares: Array  # (2,): of the area that resist shear along y and z
     line_mass: float = 0.0  # mass beside the material's, without rotary inertia [kg/m]
     seen: Array | None = None  # (4, 2): y and z of the points whose stress is wanted [m]
 
@@ -215,13 +219,17 @@ class NumberedSection(Section):
 
 @dataclass(frozen=True)
 class SeenSection(Changed):
-    """A section by its numbers whose drawn corners have the strain of its points."""
+    """A section by its numbers whose drawn corners have the strain of its points, and shear the mean of its force."""
 
     def places(self, yz: Array) -> Array:
         """Return where strain at places (…, 2) of the drawing is that of."""
         y, z = np.moveaxis(yz / np.abs(self.points).max(axis=0), -1, 0)
         N = np.stack([(1 + a * y) * (1 + b * z) for a, b in _CORNERS], axis=-1) / 4
         return np.asarray(N @ self.seen)
+
+    def shear_shapes(self, yz: Array, nu: float) -> Array:
+        """Return shear strain along y and z at places (…, 2), by which its stress is force over area."""
+        return np.broadcast_to(self.shear_areas(nu), yz.shape)
 
 
 def numbered_section(
@@ -240,7 +248,7 @@ def numbered_section(
     """
     inertia = np.sqrt(np.array(moments[::-1]) / area)  # radii along y and z
     full = area / (12 * inertia.prod())
-    stiff = np.array([share or np.inf for share in shares])
+    stiff = np.array([share or STIFF_IN_SHEAR for share in shares])
     if abs(full - 1) <= ISOTROPIC:
         whole = rectangular_section(*(np.sqrt(12) * inertia))
         return NumberedSection(whole.points, whole.quads, torsion, stiff, line_mass, seen)

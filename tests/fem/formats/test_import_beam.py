@@ -157,6 +157,7 @@ def test_a_mass_beside_a_beams_node_turns_with_its_section(tmp_path: Path) -> No
             "PBAR 8 has an area, a moment of inertia or a torsion constant",
         ),
         (("BAR", "30.", "20."), ("PBAR,8,1,1.,1-6,1-6,1.",), "PBAR 8 has moments of inertia as of a rod"),
+        (("BAR", "30.", "20."), ("PBAR,8,1,1.,1.,1.,1.,inf",), "PBAR 8 has a number that isn't finite"),
         (
             ("BAR", "30.", "20."),
             ("PBAR,8,1,9.,9.,9.,9.\n,\n,.5,.6,1.",),
@@ -331,3 +332,31 @@ def test_a_section_by_its_numbers_has_them_thin_or_full(full: float) -> None:
     section = numbered_section(area, (area * squares[0], area * squares[1]), 1e-8, (0.5, 0.0))
     assert section.area == pytest.approx(area, rel=1e-12)
     assert section.moments == pytest.approx(area * squares, rel=1e-12)
+
+
+@pytest.mark.parametrize("full", [1e-3, 1.2, 15.0])
+def test_points_of_a_section_stay_apart_however_long_the_beams_are(full: float) -> None:
+    area, squares = full * 144e-6, np.array([9e-6, 16e-6])
+    section = numbered_section(area, (area * squares[0], area * squares[1]), 1e-9, (1.0, 1.0))
+    ends, axes = np.array([(0, 1), (1, 2)]), np.repeat(np.eye(3)[None], 2, axis=0)
+    x = np.array([(0.0, 0, 0), (100, 0, 0), (200, 0, 0)])
+    mesh = extrude(Beams(x, ends, axes, (section,), np.zeros(2, dtype=int), {}, {}))
+    assert len(mesh.points) == 3 * len(section.points)
+    K, _ = on_nodes(mesh)
+    EA, EI = STEEL.E * area, STEEL.E * area * squares
+    assert np.diag(K)[[0, 9, 10, 11]] == pytest.approx([EA / 100, 1e-9 * STEEL.E / 260, *(EI / 25)], rel=1e-5)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
+def test_shear_stress_of_a_section_by_its_numbers_is_force_over_area(share: float) -> None:
+    seen = np.array([(0.01, 0.015), (-0.01, 0.015), (-0.01, -0.015), (0.01, -0.015)])
+    section = numbered_section(6e-4, (4.5e-8, 2e-8), 4e-8, (share, share), seen=seen)
+    x, one = np.array([(0.0, 0, 0), (1, 0, 0)]), np.zeros(1, dtype=int)
+    fe = assemble(extrude(Beams(x, np.array([(0, 1)]), np.eye(3)[None], (section,), one, {}, {})), 1, STEEL)
+    T, free, n = moved_by_nodes(fe), np.array([3, 4, 5, 9, 10, 11]), len(fe.discretisation.x)
+    y = np.zeros(12)
+    y[free] = np.linalg.solve((T.T @ fe.K @ T)[np.ix_(free, free)], [0.0, 600.0, -300.0, 0.0, 0.0, 0.0])
+    stress = modal_stress(fe.discretisation, STEEL, (T @ y).reshape(-1, 3, 1)[:n], np.arange(n))[:, TENSOR, 0]
+    assert stress[:, 0, 1] == pytest.approx(1e6, rel=1e-6)
+    assert stress[:, 0, 2] == pytest.approx(-0.5e6, rel=1e-6)
+    assert stress[:, 0, 0].max() == pytest.approx(600 * 0.01 / 2e-8 + 300 * 0.015 / 4.5e-8, rel=1e-9)

@@ -67,6 +67,7 @@ DIRECTION_ALONG_NORMAL = 0.05  # sine of the angle between layers' direction and
 # Beams.
 FULLEST_TUBE = 0.8  # area of a tube that stands for a section's numbers, of the rectangle with its radii of inertia
 MOST_TUBES = 20  # for one section; one that needs more is a rod without stiffness in bending
+STIFF_IN_SHEAR = 1e6  # of the area, which resists shear where a section by its numbers has none of it
 ROUND_CORNERS = 24  # of the polygon of its area that a circle is drawn as, a multiple of 4; they are 0.6 % too far out
 
 # Cuts.

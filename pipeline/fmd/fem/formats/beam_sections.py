@@ -12,14 +12,7 @@ from fmd.core.arrays import Array
 from fmd.core.fortran import read_field, read_real
 from fmd.core.limits.files import ISOTROPIC
 from fmd.core.limits.mesh import FULLEST_TUBE, MOST_TUBES
-from fmd.fem.sections import (
-    Section,
-    box_section,
-    i_section,
-    numbered_section,
-    rectangular_section,
-    round_section,
-)
+from fmd.fem.sections import Section, box_section, i_section, numbered_section, rectangular_section, round_section
 
 
 class DrawnSection(NamedTuple):
@@ -174,8 +167,11 @@ def numbers(
     are, too. Return what is wrong of one that isn't that of a beam.
     """
     about_y, about_z, product = second
+    given = np.array([area, *second, torsion, line_mass, *shares, *(() if seen is None else seen.ravel())])
+    if not np.isfinite(given).all() or min(line_mass, *shares) < 0:
+        return "has a number that isn't finite, or a mass or a factor of shear below 0"
     moments, axes = np.linalg.eigh(np.array([[about_z, product], [product, about_y]]))
-    if not (area > 0 and moments[0] > 0 and torsion > 0 and line_mass >= 0 and min(shares) >= 0):
+    if not (area > 0 and moments[0] > 0 and torsion > 0):
         return "has an area, a moment of inertia or a torsion constant J that isn't positive"
     if area**4 > 144 * (MOST_TUBES * FULLEST_TUBE) ** 2 * moments.prod():
         return "has moments of inertia as of a rod that hardly resists bending"
