@@ -14,13 +14,17 @@ import pytest
 import xarray
 
 from fmd import Pipeline, load_scene
-from fmd.accuracy.missed_peaks import find_missed_peaks
+from fmd.accuracy.missed_peaks import UNSOUGHT, find_missed_peaks
 from fmd.core.arrays import Array
 from fmd.core.cache import Cache
 from fmd.output.histories import draw_history, missed_peak_warnings
+from fmd.output.summary import run_warnings
 from fmd.recovery.motion import Motion
 from fmd.recovery.motion_file import Variable
 from fmd.recovery.stress import von_mises
+from fmd.stages import plan
+from tests.contact.test_rigid_contacts import BALL, RADIUS, SPEED, free
+from tests.contact.test_rigid_contacts import scene as scene_of
 
 SCENE = """
 title = "Bar with a mass"
@@ -396,6 +400,40 @@ def test_steps_of_loads_and_what_a_shock_does_not_reach_miss_no_peak(tmp_path: P
     file.write_text(
         SHOCK.replace('quantities = ["joint_reaction"]', wanted).replace("[drive.shock]", BESIDE + "[drive.shock]")
     )
+    assert missed_peak_warnings(Pipeline(load_scene(file), Cache(None))) == []
+
+
+def test_a_long_march_with_contacts_is_not_made_again_for_peaks_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ball that falls on a plane, whose error budget needs no second march either."""
+    joint = {"free": free("ball.centre", [0, 0, RADIUS], [0, 0, -SPEED])}
+    floor = {"between": ["ground", "ball.skin"], "normal": [0, 0, 1]}
+    tables = scene_of({"ball": BALL}, joint, {"floor": floor}, 1e-4)
+    tables["output"] = [{"type": "history", "file": "energy.csv", "quantities": ["energy"]}]
+    short, long = Pipeline(load_scene(tables)), Pipeline(load_scene(tables))
+    assert missed_peak_warnings(short) == []
+    assert len(short.fine_motion.times) > len(short.motion.times)
+    monkeypatch.setattr(plan, "LONG_AGAIN", -1.0)
+    for _ in range(2):
+        assert missed_peak_warnings(long) == [UNSOUGHT]
+        assert long.fine_motion is long.motion
+
+
+@pytest.mark.parametrize(("method", "told"), [("exponential", False), ("generalized-alpha", True)])
+def test_outputs_within_long_steps_are_warned_of_unless_the_method_knows_the_states_there(
+    method: str, told: bool
+) -> None:
+    settings = ["simulation.output_step=10 ms", f'simulation.run=[{{integrator="{method}", step="0.2 s"}}]']
+    codes = [each["code"] for each in run_warnings(Pipeline(load_scene("rod-slider", settings)))]
+    assert ("outputs-within-steps" in codes) is told
+
+
+def test_what_a_free_joint_bears_misses_no_peak(tmp_path: Path) -> None:
+    """It is round-off of forces that accelerate a body which spins, 9e-14 of 200 N."""
+    file = tmp_path / "free.toml"
+    spins = SHOCK.replace('"revolute"', '"free"').replace(
+        "axis = [0, 0, 1]", 'spin = ["13 rad/s", "7 rad/s", "50 rad/s"]'
+    )
+    file.write_text(re.sub('formula = ".*?"', 'formula = "0"', spins))
     assert missed_peak_warnings(Pipeline(load_scene(file), Cache(None))) == []
 
 

@@ -5,7 +5,7 @@ They are stated beside the quantities of `fmd.accuracy.quantities`, but no requi
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -63,22 +63,29 @@ def detail_quantities(scene: Scene, motion: Motion) -> Quantities:
 
 
 def leave_out_nothing(quantities: Quantities, mechanism: Mechanism) -> Quantities:
-    """Return the quantities that aren't round-off beside the largest one of the same unit, or of a related one.
+    """Return the quantities that aren't `round_off_sizes`.
 
-    To momentum the speed of markers is related, to what a free joint bears the forces that accelerate the bodies. What
-    has no velocity has no acceleration, of which redundant constraints of a loop may leave a millionth.
+    What has no velocity has no acceleration, of which redundant constraints of a loop may leave a millionth.
     """
     largest: dict[str, float] = {}
     for quantity in quantities.values():
         largest[quantity.unit] = max(largest.get(quantity.unit, 0.0), quantity.scale)
+    least = round_off_sizes(largest, mechanism)
+    found = {name: each for name, each in quantities.items() if each.scale > least[each.unit]}
+    still = {f"{name.removesuffix('.velocity')}.acceleration" for name in {*quantities} - {*found}}
+    return {name: each for name, each in found.items() if name not in still}
+
+
+def round_off_sizes(largest: Mapping[str, float], mechanism: Mechanism) -> dict[str, float]:
+    """Return sizes, by their units, that are round-off beside the largest one of the same unit, or of a related one.
+
+    To momentum the speed of markers is related, to what a free joint bears the forces that accelerate the bodies.
+    """
     mass, size = mechanism.mass, mechanism.reach
     speed, force = largest.get("m/s", 0.0), max(largest.get("N", 0.0), mass * largest.get("m/s^2", 0.0))
     related = {"rad/s": speed / size if size else 0.0, "kg m/s": mass * speed, "kg m^2/s": mass * speed * size}
     related |= {"N": force, "N m": force * size, "m/s^2": force / mass if mass else 0.0}
-    least = {unit: NOTHING * max(own, related.get(unit, 0.0)) for unit, own in largest.items()}
-    found = {name: each for name, each in quantities.items() if each.scale > least[each.unit]}
-    still = {f"{name.removesuffix('.velocity')}.acceleration" for name in {*quantities} - {*found}}
-    return {name: each for name, each in found.items() if name not in still}
+    return {unit: NOTHING * max(own, related.get(unit, 0.0)) for unit, own in largest.items()}
 
 
 def row_name(variable: str) -> str:

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fmd.accuracy.details import round_off_sizes
 from fmd.core.arrays import Array, BoolArray
-from fmd.core.limits.errors import NOTHING
-from fmd.core.limits.recovery import LONG_AGAIN, MISSED_PEAK
-from fmd.recovery.motion_file import Variable
+from fmd.core.limits.recovery import MISSED_PEAK
+from fmd.recovery.motion_file import OF_FORMULA, Variable
+from fmd.stages.plan import is_long_again
 
 if TYPE_CHECKING:
     from fmd.recovery.motion import Motion
     from fmd.stages.pipeline import Pipeline
+
+UNSOUGHT = {
+    "code": "coarse-output-times",
+    "text": "peaks between output times weren't looked for, for which the motion is marched again; a shorter "
+    "simulation.output_step shows more of them",
+}
+"""Warning where a march with contacts would take long again."""
 
 
 @dataclass
@@ -57,12 +65,12 @@ class MissedPeak:
 
 
 def is_too_long(run: Pipeline) -> bool:
-    """Return true if a march with contacts would take long again, and no other result wants it.
+    """Return true if a march with contacts would take long again, and no other result has wanted it.
 
     Contacts have their own largest values of all steps.
     """
-    known = type(run).fine_motion.name in run.results
-    return bool(run.scene.contact) and not known and run.motion.trajectory.seconds > LONG_AGAIN
+    known = type(run).fine_motion.name in run.results and run.motion.tip_size.any()
+    return is_long_again(run.motion) and not known
 
 
 def find_missed_peaks(run: Pipeline, variables_of: Callable[[Motion], Iterable[Variable]]) -> dict[str, MissedPeak]:
@@ -71,9 +79,9 @@ def find_missed_peaks(run: Pipeline, variables_of: Callable[[Motion], Iterable[V
     None are looked for where only a long march with contacts would tell them, see `is_too_long`.
     """
     found: dict[str, MissedPeak] = {}
-    forces: list[Array] = []
     if is_too_long(run):
         return found
+    largest = dict.fromkeys(("N", "N m", "m/s^2"), 0.0)
     at_outputs = np.zeros(len(run.fine_motion.times), dtype=bool)
     at_outputs[run.fine_times[1]] = True
     for first, part in run.fine_motion.parts():
@@ -81,12 +89,23 @@ def find_missed_peaks(run: Pipeline, variables_of: Callable[[Motion], Iterable[V
             peak = found.setdefault(variable.name, MissedPeak(variable.units))
             peak.add(variable.values, part.times, at_outputs[first : first + len(part.times)])
         if "joint_loads" in vars(part):  # something follows from the equations of motion
-            loads = [*part.joint_loads.reactions.values()]
-            forces.append(np.max(np.abs(np.reshape(loads, (-1, 2, 3))), axis=(0, 2), initial=0.0))
-    if forces:
-        mechanism, (force, moment) = run.motion.mechanism, np.max(forces, axis=0)
-        moment = max(moment, force * mechanism.reach)
-        nothing = {"N": force, "N m": moment, "m/s^2": force / mechanism.mass}
-        for peak in found.values():
-            peak.nothing = NOTHING * float(nothing.get(peak.unit, 0.0))
+            for unit, size in _sizes_of_loads(part):
+                largest[unit] = max(largest[unit], size)
+    for peak in found.values():
+        if peak.unit != OF_FORMULA:
+            largest[peak.unit] = max(largest.get(peak.unit, 0.0), peak.size)
+    least = round_off_sizes(largest, run.motion.mechanism)
+    for peak in found.values():
+        peak.nothing = least.get(peak.unit, 0.0)
     return found
+
+
+def _sizes_of_loads(motion: Motion) -> Iterator[tuple[str, float]]:
+    """Yield units and largest sizes of joints' forces and moments, and of the acceleration of each body's far end."""
+    loads = np.reshape([*motion.joint_loads.reactions.values()], (-1, 2, 3))
+    yield from zip(("N", "N m"), np.abs(loads).max(axis=(0, 2), initial=0.0).tolist(), strict=True)
+    for number, link in enumerate(motion.mechanism.links):
+        if link.markers:
+            far = max(link.markers, key=lambda name: float(np.linalg.norm(link.markers[name].position)))
+            values = motion.kinematics.marker_acceleration(number, far, motion.joint_loads.accelerations)
+            yield "m/s^2", float(np.linalg.norm(values, axis=1).max())

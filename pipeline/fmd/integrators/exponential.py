@@ -44,6 +44,7 @@ class Exponential(ResumableIntegrator):
 
     name = "exponential"
     marches_tangents = True
+    dense_output = True
 
     def __post_init__(self) -> None:
         require_step(self.step)
@@ -139,6 +140,7 @@ class PiecewiseExponential(Integrator):
     least: int = 1  # smallest number of steps between two breakpoints
 
     name = "exponential"
+    dense_output = True
 
     def __post_init__(self) -> None:
         require_step(self.step)

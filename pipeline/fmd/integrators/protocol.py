@@ -105,6 +105,7 @@ class Integrator(ABC):
     # True if its steps are made of accelerations and of sums of what it has, so that tangents of a motion can be
     # marched beside it as more coordinates.
     marches_tangents: bool = False
+    dense_output: bool = False  # True if states within a step are as good as those at its ends
 
     @abstractmethod
     def order(self, system: System) -> int:

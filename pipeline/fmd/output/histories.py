@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fmd.accuracy.details import named_markers
-from fmd.accuracy.missed_peaks import MissedPeak, find_missed_peaks
+from fmd.accuracy.missed_peaks import UNSOUGHT, MissedPeak, find_missed_peaks
 from fmd.accuracy.requested_stress import StressPlace, stress_at_elements, stress_at_nodes
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
@@ -102,9 +102,8 @@ def missed_peaks(run: Pipeline) -> dict[str, MissedPeak]:
                 yield from history_variables(run, output, motion)
 
     key = "missed peaks"
-    if key not in run.results:
-        run.results[key] = find_missed_peaks(run, variables_of)
-    found: dict[str, MissedPeak] = run.results[key]
+    found: dict[str, MissedPeak] = run.results.get(key) or find_missed_peaks(run, variables_of)
+    run.results[key] = found
     return found
 
 
@@ -113,8 +112,7 @@ def missed_peak_warnings(run: Pipeline) -> list[dict[str, str]]:
     outputs = [output for output in run.scene.output if isinstance(output, Quantities)]
     peaks = missed_peaks(run) if outputs else {}
     if outputs and not peaks:
-        text = "peaks between output times weren't looked for, for which the motion is marched again; a shorter "
-        return [{"code": "coarse-output-times", "text": f"{text}simulation.output_step shows more of them"}]
+        return [UNSOUGHT]
     missed = [
         (peaks[each.name].part, each.name, output.file)
         for output in outputs

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.accuracy.missed_peaks import MissedPeak, find_missed_peaks
+from fmd.accuracy.missed_peaks import UNSOUGHT, MissedPeak, find_missed_peaks
 from fmd.core.limits.recovery import APART, MISSED_PEAK
 from fmd.recovery.motion_file import Variable
 from fmd.recovery.stress import von_mises
@@ -33,13 +33,16 @@ def output_time_warnings(run: Pipeline, worst: Mapping[str, int]) -> list[dict[s
             stress = run.stress_of(body, motion)
             yield Variable(body, von_mises((stress.modal[node] @ stress.q.T)[None])[0], (), "Pa", "")
 
+    peaks = find_missed_peaks(run, stress_of) if worst else {}
+    if worst and not peaks:
+        return [UNSOUGHT]
     return [
         {
             "code": "coarse-output-times",
             "body": body,
             "text": f"{body}: its largest stress {say_output_step(run, missed)}",
         }
-        for body, missed in (find_missed_peaks(run, stress_of) if worst else {}).items()
+        for body, missed in peaks.items()
         if missed.part > MISSED_PEAK
     ]
 

@@ -37,6 +37,7 @@ from fmd.recovery.motion import Motion
 from fmd.stages.division import part_of
 from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
+from fmd.stages.plan import repeat_choice
 from fmd.stages.signals import find_idle_drives, find_jumping_tables
 
 UNMET, UNMOVED = "accuracy-not-met", "load-without-motion"
@@ -90,7 +91,8 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         where = max(worst, key=lambda name: worst[name]["value_pa"])
         largest = {"body": where, "von_mises_pa": worst[where]["value_pa"]}
         summary["worst_stress"] = largest | {key: worst[where][key] for key in ("time_s", "position_m")} | worst
-    summary["warnings"] += [*stress_warnings(run, found), *missed_peak_warnings(run)]
+    of_stress = stress_warnings(run, found)
+    summary["warnings"] += of_stress + [each for each in missed_peak_warnings(run) if each not in of_stress]
     stated = state_errors(run, budget_seconds) if budget and ERROR_BUDGET.applies(run) else None
     if budget and run.scene.contact:
         of_contacts = contact_errors(run, budget_seconds)
@@ -290,8 +292,9 @@ def _motion_warnings(run: Pipeline) -> list[dict[str, str]]:
     ]
     output_step = run.scene.simulation.output_step
     for label, plan in run.plans.items():
-        method = plan.integrator
-        if method.step > output_step and method.step * plan.system.highest_frequency > 1.0:
+        method = repeat_choice(plan, run.motions[label].trajectory).integrator
+        within = method.step > output_step and not method.dense_output
+        if within and method.step * plan.system.highest_frequency > 1.0:
             text = (
                 f"{label}: outputs every {output_step:.4g} s lie within steps of {method.step:.4g} s, where fast "
                 "vibrations aren't known: accelerations and forces there may be far off; a longer "

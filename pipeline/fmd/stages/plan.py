@@ -9,13 +9,12 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import ConvergenceError, StabilityError
-from fmd.core.limits.recovery import FINER_TIMES, LEAST_FINER, MOST_FINE_TIMES, NEAR_LARGEST_DEFLECTION
+from fmd.core.limits.recovery import FINER_TIMES, LEAST_FINER, LONG_AGAIN, MOST_FINE_TIMES, NEAR_LARGEST_DEFLECTION
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiled_system.positive_mass import require_positive_over
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.excited_modes import Excited
 from fmd.dynamics.mechanism import Mechanism
-from fmd.integrators.exponential import Exponential, PiecewiseExponential
 from fmd.integrators.protocol import Integrator, Progress, Trajectory
 from fmd.stages.run_checks import describe_fastest
 
@@ -92,16 +91,22 @@ def repeat_choice(plan: Plan, trajectory: Trajectory) -> Plan:
     return replace(plan, integrator=trajectory.chosen or plan.integrator)
 
 
+def is_long_again(motion: Motion) -> bool:
+    """Return true for a motion with contacts that takes long to march again."""
+    return bool(motion.mechanism.contacts) and motion.trajectory.seconds > LONG_AGAIN
+
+
 def find_fine_times(plan: Plan, motion: Motion) -> tuple[Array, IntArray]:
     """Return the output times of a plan's motion with many more between them [s], and which of all are output times.
 
     There are as many in each interval as `MOST_FINE_TIMES` allow, or in every n-th one, and more about the tip's
-    largest deflections. Where a method only interpolates within a step, they are steps' ends.
+    largest deflections; none where `is_long_again` is true and nothing flexible is at the tip. Where a method only
+    interpolates within a step, they are steps' ends.
     """
     method, outputs, tip = repeat_choice(plan, motion.trajectory).integrator, motion.times, motion.tip_size
     n_intervals = len(outputs) - 1
-    if not n_intervals:
-        return outputs, np.arange(1)
+    if not n_intervals or (is_long_again(motion) and not tip.any()):
+        return outputs, np.arange(len(outputs))
     finer = max(LEAST_FINER, MOST_FINE_TIMES // n_intervals)
     every = -(-n_intervals * finer // MOST_FINE_TIMES)
     near = (tip > 0) & (tip >= NEAR_LARGEST_DEFLECTION * tip.max())
@@ -109,7 +114,7 @@ def find_fine_times(plan: Plan, motion: Motion) -> tuple[Array, IntArray]:
     counts = np.maximum(counts, np.where(near[:-1] | near[1:], FINER_TIMES, 1))
     numbers = np.r_[0, np.cumsum(counts)]
     times = np.interp(np.arange(numbers[-1] + 1), numbers, outputs)
-    if not method.step or isinstance(method, Exponential | PiecewiseExponential):
+    if not method.step or method.dense_output:
         return times, numbers
     steps = outputs / method.step
     of_outputs = np.round(steps[np.abs(steps - np.round(steps)) < SOLVED])
