@@ -158,5 +158,7 @@ def test_a_bar_that_rests_has_derivatives_by_its_load_with_implicit_steps_too() 
     tables["joint"] = {"wall": {"type": "fixed", "parent": "ground", "child": "bar.root"}}
     by_force, by_modulus = package.jacobian(package.load(tables), ["tip"], ["drive.pull.force", "body.bar.E"])
     assert by_force.by_tangents
+    assert by_modulus.by_tangents  # though the bar is square: its pairs are those along its sides, by any modulus
+    assert by_modulus.relative_error < 1e-6
     assert by_force.relative == pytest.approx(1.0, rel=1e-3)
     assert by_force.relative == pytest.approx(-by_modulus.relative, abs=by_modulus.relative_error)

@@ -10,7 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray, short_repr
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.modes import ELASTIC_PART, NO_STIFFNESS
+from fmd.core.limits.modes import ELASTIC_PART, NO_STIFFNESS, ROUNDED_PAIR
 from fmd.core.limits.rank import INDEPENDENT_MASS
 from fmd.reduction.inertia import InertiaIntegrals, inertia_integrals
 
@@ -190,9 +190,10 @@ def _body(
             f"fixed at '{joint}', a combination of the {n} shapes is a rigid motion: ω² = {omega2[0]:.1e} rad²/s² "
             f"beside {omega2[-1]:.1e}"
         )
-    shapes = shapes @ (turn * np.sign(turn[np.abs(turn).argmax(axis=0), range(n)]))
     origin = markers[joint].position
     x = fe.x - origin
+    turn, omega2 = _part_equals(fe, x, shapes @ turn, omega2, turn)
+    shapes = shapes @ (turn * np.sign(turn[np.abs(turn).argmax(axis=0), range(n)]))
     J, H = _rotation_coupling(fe, np.cross(e, x)[:, :, None], shapes)
     return FlexibleBody(
         x=x,
@@ -208,3 +209,22 @@ def _body(
         coupling=float(np.linalg.norm(H) / np.sqrt(J[0, 0])),
         origin=origin,
     )
+
+
+def _part_equals(fe: FEModel, x: Array, shapes: Array, omega2: Array, turn: Array) -> tuple[Array, Array]:
+    """Turn shapes of one frequency into those that move along one axis, or far out on one, and give each their mean.
+
+    Any of their combinations are modes, too. Without this round-off chooses, and does otherwise for each modulus.
+    Returned are the turn to the shapes (n, n) and ω² (n,).
+    """
+    turn, omega2 = turn.copy(), omega2.copy()
+    weights = np.arange(3.0) * (1.0 + (x / np.abs(x).max()) ** 2)
+    parted = 1 + np.flatnonzero(np.diff(omega2) > ROUNDED_PAIR * omega2[1:])
+    for group in np.split(np.arange(len(omega2)), parted):
+        if len(group) > 1:
+            own = shapes[:, :, group].reshape(-1, len(group))
+            moved = (fe.m @ shapes[:, :, group].reshape(len(x), -1)).reshape(own.shape)
+            mixed = moved.T @ (weights.reshape(-1, 1) * own)
+            turn[:, group] = turn[:, group] @ np.linalg.eigh(mixed + mixed.T)[1]
+            omega2[group] = omega2[group].mean()
+    return turn, omega2

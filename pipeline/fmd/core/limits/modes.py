@@ -67,6 +67,7 @@ CLEAR_PARITY = 0.9  # parity of a static deflection: those of an interface askew
 # Relative difference up to which the highest of a basis and its successor count as a pair: symmetric bodies on meshes
 # that aren't quite symmetric have pairs that differ by the error of discretisation.
 PAIR = 1e-3
+ROUNDED_PAIR = 1e-7  # of ω², up to which two differ by round-off alone: it leaves 1e-9 between those of a square bar
 
 # Check before a march.
 SAMPLED_TIMES = 401  # times of the motion at which loads and rates are looked at
