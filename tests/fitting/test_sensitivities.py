@@ -334,7 +334,7 @@ def test_a_key_that_is_no_number_is_refused(key: str, words: str) -> None:
         ("slide.positoin", "did you mean 'slide.position'"),
         ("tip", "doesn't deflect"),
         ("stress", "no such result"),
-        ("block.hook.position.k", "there are: block.hook.position.x"),
+        ("block.hook.position.k", "did you mean 'block.hook.position'"),
     ],
 )
 def test_a_result_that_there_is_not_is_refused(name: str, words: str) -> None:

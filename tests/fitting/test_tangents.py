@@ -12,6 +12,7 @@ import pytest
 import fmd as package
 from fmd.core.arrays import Array
 from fmd.dynamics.compiler.compiled import CompiledMechanism
+from fmd.fitting import neighbours
 from fmd.fitting.frozen_run import FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.fitting.sensitivities import Sensitivity
@@ -205,6 +206,19 @@ def read_beside(frozen: FrozenRun, parameter: Parameter, channels: Sequence[Resu
         low, high = (frozen.at({parameter: parameter.value * (1.0 + side * share)}).run for side in (-1.0, 1.0))
         found.append([np.asarray(each.read(high) - each.read(low)) / (2.0 * share) for each in channels])
     return [(64.0 * c - 20.0 * b + a) / 45.0 for a, b, c in zip(*found, strict=True)]
+
+
+def test_derivatives_of_loops_that_are_sub_cycled_have_small_errors_that_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By differences of motions that are drawn back: what two extrapolations differ by is near what is left."""
+    monkeypatch.setattr(neighbours, "PARTS", 10)
+    tables = four_bar("sub-cycling")
+    tables["simulation"] |= {"duration": "20 ms", "output_step": "5 ms"}
+    result = package.load(tables)
+    (found,) = package.jacobian(result, ["crank.b.position.x"], ["joint.drive.spring"])
+    (expected,) = read_beside(FrozenRun(result.run), found.parameter, [found.channel])
+    assert found.lacking == "sub-cycling of loops"
+    assert (np.abs(found.slope - expected / found.parameter.value) <= found.error).all()
+    assert found.error.max() < 1e-8 * np.abs(found.slope).max()
 
 
 def largest_changes(found: Sequence[Sensitivity]) -> dict[str, float]:

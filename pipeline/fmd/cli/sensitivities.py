@@ -103,7 +103,7 @@ def _print(found: Sequence[Sensitivity], rows: Sequence[dict[str, Any]]) -> None
     for way in dict.fromkeys(_way(each) for each in found if each.channel.moves):
         keys = [*dict.fromkeys(each.parameter.key for each in found if each.channel.moves and _way(each) == way)]
         console.print(f"by {way}: {', '.join(keys)}")
-    if any(row["unit"] == "Pa" and ".mesh.parameter." in row["to"] for row in rows):
+    if any(row["without_mesh_error"] for row in rows):
         console.print(
             "stress by dimensions of a script: what elements leave out of it, most at curved edges, is not in ±; "
             "compare with a finer mesh.size"

@@ -11,7 +11,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.limits.fitting import DIFFERENCE, NEAR_DIFFERENCE, SAME_SHAPE
+from fmd.core.limits.fitting import DIFFERENCE, DRAWN_DIFFERENCE, NEAR_DIFFERENCE, SAME_SHAPE
 from fmd.dynamics.compiled_system.closed_tangents import LinearisedAnewError
 from fmd.dynamics.compiled_system.shared import lift_system
 from fmd.dynamics.compiled_system.tangents import Direction
@@ -52,6 +52,7 @@ class Beside:
     # True if their motions are the scene's own less and more its tangent, so that their difference is exact.
     by_tangents: bool = False
     lacking: str = ""  # what of the run has no tangent where motions are differences
+    drawn_back: bool = False  # true if they are drawn back to the scene's own after each part
 
 
 @dataclass(frozen=True)
@@ -155,10 +156,12 @@ class FrozenRun:
         tangent = self._tangent(motion, parameter)
         if tangent is not None:
             return self._move_along(motion, parameter, tangent, share)
-        parts, found = self._parts(motion), self._variants(motion, parameter, share * self._reach(motion, parameter))
+        parts, reach = self._parts(motion), self._reach(motion, parameter, DRAWN_DIFFERENCE)
+        found = self._variants(motion, parameter, share * reach)
         signs = [_signs_of_shapes(run, motion.run) for run in (found.low, found.high)] if parts is not None else []
         known = [each for each in signs if each is not None]
-        if parts is not None and len(known) == len(found.plans):
+        drawn_back = parts is not None and len(known) == len(found.plans)
+        if parts is not None and drawn_back:
             trajectories = march_neighbours(parts, found.plans, known, self.times)
             self.marches += 2
         else:
@@ -166,7 +169,7 @@ class FrozenRun:
             trajectories = [self._march(plan) for plan in found.plans]
         assert motion.plan is not None
         lacking = motion.lacking.get(parameter) or say_what_lacks_tangents(motion.plan)
-        return replace(self._with_motions(found, trajectories), lacking=lacking)
+        return replace(self._with_motions(found, trajectories), lacking=lacking, drawn_back=drawn_back)
 
     def _tangent(self, motion: FrozenMotion, parameter: Parameter) -> Tangent | None:
         """Return a motion's derivative by a number, times its size, if it is to be had; those by others go with it."""
@@ -198,16 +201,17 @@ class FrozenRun:
         sides = self._sides(motion, far, -weight / 3.0) + self._sides(motion, near, 8.0 * weight / 3.0)
         return find_direction(motion.plan, sides)
 
-    def _reach(self, motion: FrozenMotion, parameter: Parameter) -> float:
+    def _reach(self, motion: FrozenMotion, parameter: Parameter, near: float = NEAR_DIFFERENCE) -> float:
         """Return how far below and above a number its variants are, as a share of it.
 
-        It is farther where bodies' modes are solved anew, whose round-off is divided by it, as long as they stay alike.
+        It is ``near``, or farther where bodies' modes are solved anew, whose round-off is divided by it, as long as
+        they stay alike.
         """
         if not self._change(parameter, self._middle(motion, parameter)).solves:
-            return NEAR_DIFFERENCE
+            return near
         far = self._variants(motion, parameter, DIFFERENCE)
         alike = all(_signs_of_shapes(run, motion.run) is not None for run in (far.low, far.high))
-        return DIFFERENCE if alike else NEAR_DIFFERENCE
+        return DIFFERENCE if alike else near
 
     def _change(self, parameter: Parameter, value: float) -> Change:
         """Return what a number changes of a run."""

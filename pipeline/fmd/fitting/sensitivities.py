@@ -11,7 +11,7 @@ import numpy as np
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
-from fmd.core.limits.fitting import JUMP
+from fmd.core.limits.fitting import BETWEEN_EXTRAPOLATIONS, JUMP
 from fmd.core.limits.modes import SAME_FREQUENCY
 from fmd.fitting.frozen_run import Beside, FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
@@ -74,6 +74,11 @@ class Sensitivity:
     lacking: str = ""  # what of the run has no tangents otherwise
 
     @property
+    def without_mesh_error(self) -> bool:
+        """True of stress by a dimension of a script: what elements leave out of it is not in the error."""
+        return self.channel.unit == "Pa" and ".mesh.parameter." in self.parameter.key
+
+    @property
     def relative(self) -> float:
         """Per cent of the result per per cent of the number; of a history the ratio of root mean squares over time."""
         return self._share(self.slope)
@@ -113,6 +118,7 @@ class Sensitivity:
             "jumps": self.jumps,
             "by_tangents": self.by_tangents,
             "lacking": self.lacking,
+            "without_mesh_error": self.without_mesh_error,
         }
 
 
@@ -158,8 +164,8 @@ def _differentiate(
     moves = any(channel.moves for channel in channels)
     pairs = [frozen.beside(motion, parameter, share, moves) for share in (1.0, 0.5)]
     unknown = _find_round_off(frozen.run, pairs) if moves else 0.0
-    # Points come into contact and leave it at steps, so that two distances may agree by chance.
-    wider = [frozen.beside(motion, parameter, 2.0)] if moves and pairs[0].lacking == CONTACT else []
+    takes_wider = moves and (pairs[0].drawn_back or pairs[0].lacking == CONTACT)
+    wider = [frozen.beside(motion, parameter, 2.0), pairs[0]] if takes_wider else []
     for channel in channels:
         value = np.asarray(channel.read(frozen.run))
         if not np.isfinite(value).all():
@@ -170,11 +176,14 @@ def _differentiate(
             yield Sensitivity(channel, parameter, value, slope, np.abs(mean - solved))
         else:
             near, error = pairs[1], np.abs(slope - rough)
+            if channel.moves and wider:
+                other, widest = _extrapolate(wider, [change_of(channel, frozen.run, e.low, e.high) for e in wider])
+                if near.drawn_back:
+                    error = np.full(slope.shape, BETWEEN_EXTRAPOLATIONS * np.abs(slope - other).max())
+                else:  # contact begins and ends at steps, so that two distances may agree by chance
+                    error = error + np.abs(slope - widest).max()
             if channel.moves:
                 error = error + unknown * np.abs(slope).max()
-            for each in wider:
-                apart = slope - change_of(channel, frozen.run, each.low, each.high) / (2.0 * each.step)
-                error = error + np.abs(apart).max()
             jumps = _jumps(channel, near.low, near.high, share=near.step / abs(parameter.value))
             yield Sensitivity(channel, parameter, value, slope, error, jumps, near.by_tangents, near.lacking)
 

@@ -4,7 +4,13 @@
 # Of a number, between whole motions, and where it changes bodies' modes: those solved anew are 1e-8 to 4e-7 off by
 # round-off of slender bodies' stiffness, which put derivatives by a modulus 1e-4 off at a tenth of this.
 DIFFERENCE = 2e-3
-NEAR_DIFFERENCE = 2e-4  # else, between motions that a tangent moves or that are drawn back after each part
+NEAR_DIFFERENCE = 2e-4  # else, between motions that a tangent moves
+# Between motions that are drawn back after each part: of six loops that are sub-cycled, round-off was up to 1.4e-8 of
+# derivatives at 1e-4, up to 9e-9 at this.
+DRAWN_DIFFERENCE = 4e-4
+# Of the change from the extrapolation over two distances to that over both doubled, for the stated error: of those
+# loops, errors beyond the reference's own were up to 1.3 times this change.
+BETWEEN_EXTRAPOLATIONS = 2.0
 SAME_SHAPE = 0.02  # of a shape's size: what it may change by where motions are drawn back
 PARTS = 200  # of a motion
 TRIED_TIMES = 8  # at which loads are compared, to see if they change in proportion to a number
