@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from threadpoolctl import ThreadpoolController
 
 from fmd.contact.half_space import half_space_flexibility
 from fmd.contact.touching_body import ContactPlane, ContactPoints, TouchingBody
@@ -14,6 +15,8 @@ from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.system import remember_contacts
+from fmd.integrators import fixed_step
+from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import evaluate
 from fmd.kernels.kernel import kernel
 from fmd.scene.joints.free import FREE
@@ -46,7 +49,8 @@ class Column:
         plane = ContactPlane("floor", np.zeros(3), np.array([0.0, 0.0, 1.0]), FRICTION, "foot")
         link = Link("plate", rigid_integrals(1.0, np.zeros(3), np.eye(3)), FREE)
         self.mechanism = Mechanism([link], contacts=[TouchingBody("plate", foot, (plane,))])
-        self.parameters = share_system(self.mechanism).parameters
+        self.system = share_system(self.mechanism)
+        self.parameters = self.system.parameters
         self.step(sunk=-1.0)
 
     def step(self, sunk: float, aside: Array | float = 0.0, turn: Array | float = 0.0) -> tuple[Array, float]:
@@ -111,3 +115,19 @@ def test_a_foot_that_sticks_takes_no_more_products_once_its_motion_is_known() ->
         assert fault < 1e-8
         known.append(int(column.parameters.contact.n_known[0]))
     assert known[20] == known[-1] <= 13
+
+
+def test_marches_with_contacts_have_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two, each waits for the other: steps of 144 points took ten times as long."""
+    march, seen, pools, column = fixed_step._march, list[set[int]](), ThreadpoolController(), Column(2, 1.0)
+
+    def spy(*arguments: Any) -> Any:
+        seen.append({pool.num_threads for pool in pools.lib_controllers})
+        return march(*arguments)
+
+    monkeypatch.setattr(fixed_step, "_march", spy)
+    with pools.limit(limits=2):
+        q, v = column.system.mechanism.rest_positions, np.zeros(6)
+        CentralDifference(1e-3).march(column.system, q, v, np.array([2e-3]))
+        assert seen[-1] == {1}
+        assert all(pool.num_threads == 2 for pool in pools.lib_controllers)

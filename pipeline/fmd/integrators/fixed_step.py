@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import singledispatch
 from typing import Any
@@ -19,6 +20,7 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import CYCLES_SECONDS, FIRST_CYCLES, MORE_CYCLES, RUNAWAY
+from fmd.core.threads import one_thread
 from fmd.dynamics.system import System, note_contacts, project
 from fmd.integrators.many_states import state_slopes
 from fmd.integrators.march_tables import Samples, Starts, keep_values, make_starts, no_starts, take_values
@@ -217,7 +219,8 @@ class FixedMarch:
         """March until the last output time is passed.
 
         The kernel is called for some steps at a time, so that progress shows and divergence is noticed early; neither
-        that nor ``times`` changes the steps. ``contacts`` (n_times, n_values) are filled with values of contacts.
+        that nor ``times`` changes the steps. ``contacts`` (n_times, n_values) are filled with values of contacts, which
+        LAPACK finds with one thread: two take ten times as long.
         Returns the last state, positions and rates at the output times, and the run time of the compiled march [s].
 
         Raises
@@ -246,7 +249,8 @@ class FixedMarch:
             wanted = min(chunk, last - state.step, check.most_steps)
             cycle = wanted if isinstance(method, SingleSteps) and not check.follows_laws else substeps
             tick = time.perf_counter()
-            done = int(_march(*own, cycle, state.step, wanted // cycle))
+            with nullcontext() if touching is None else one_thread():
+                done = int(_march(*own, cycle, state.step, wanted // cycle))
             spent = time.perf_counter() - tick
             seconds += spent
             state = replace(state, step=state.step + done, time=(state.step + done) * self.step)
