@@ -20,6 +20,7 @@ from fmd.core.limits.contact import COLUMNS_AT_ONCE
 from fmd.core.limits.memory import BYTES_FOR_RESPONSES
 from fmd.core.limits.modes import (
     BASIS_BLOCKS,
+    DENSE_FROM,
     LANCZOS_RESIDUAL,
     LANCZOS_TRIES,
     LARGEST_OVERLAP,
@@ -143,11 +144,12 @@ class FreeBodySolver:
         room = n - B.shape[1] - Z.shape[1]
         count = min(count, room)
         n_vectors = max(2 * count, count + 20)
-        if n_vectors < room:
+        definite = self.shift < 0.0  # of a supported body only if nothing in it turns about a hinge
+        if n_vectors < (DENSE_FROM * room if definite and n <= MOST_DENSE else room):
             eigenvalues, Phi = self._elastic_pairs(count, n_vectors, room, Z, inverse)
             eigenvalues = np.concatenate([np.einsum("ij,ij->j", Z, self._K @ Z), eigenvalues])
             Phi = np.concatenate([Z, Phi], axis=1)
-        else:  # a mesh of a few elements
+        else:
             N = null_space(B.T) if B.shape[1] else np.eye(n)
             mass, last = N.T @ (self._M @ N), N.shape[1] - 1
             shifted = N.T @ (self._K @ N) - self.shift * mass  # definite, which light parts may leave no mass matrix

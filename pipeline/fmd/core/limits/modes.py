@@ -36,6 +36,7 @@ DEPENDENT = 1e-13  # of a block's vectors: what is left of them outside the basi
 EVEN = 1e-4  # ratio of squares of a block's directions, from which on one product makes them orthonormal to 1e-12
 LANCZOS_TRIES = 3  # runs of Lanczos's method, each outside the modes of those before, until no mode is missed
 MOST_DENSE = 4000  # unknowns up to which all modes are computed in half a minute
+DENSE_FROM = 0.25  # of as many or fewer unknowns: more Lanczos vectors take longer than all modes do
 SPARE_MODES = 3  # modes of each harmonic beyond its share
 SLEPC_RESIDUAL = 1e-10  # at which SLEPc's iterations stop
 # Of Lanczos's method that looks for missed modes: a Ritz value converges only after some.
