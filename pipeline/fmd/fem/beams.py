@@ -50,6 +50,11 @@ class BeamLine(Midsurface):
         for each in (self.axes, self.start, self.length, self.of, self.beam, self.ends):
             read_only(each)
 
+    def forced(self) -> BeamLine:
+        """Return the line with sections whose strain gives their force."""
+        found = tuple(own.forced() for own in self.sections)
+        return self if all(a is b for a, b in zip(found, self.sections, strict=True)) else replace(self, sections=found)
+
     def stressed(self) -> BeamLine | None:
         """Return the line with sections whose strain gives their stress; ``None`` if one has none."""
         found = [own.stressed() for own in self.sections]

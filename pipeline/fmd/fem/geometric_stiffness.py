@@ -42,10 +42,12 @@ def _element_sums(space: Discretisation, material: AnyMaterial, u: Array) -> lis
     """Return `geometric_stiffness` of the elements of one kind, at their own points."""
     n_elements, n_local = space.element_nodes.shape
     entries = np.empty((n_elements, n_local, n_local, u.shape[2]))
+    line = space.mesh.midsurface
+    forced = space if line is None else space.strained_by(line.forced())
     for own, part in batches(material, n_elements, STRESSED_AT_ONCE):
         X, w = space.kind.quadrature(space.kind.stiffness_order)
         g, det = space.gradients(X, part)
-        stress = stresses(space, own.summed, u, X, part)[:, :, TENSOR] * (det * w)[..., None, None, None]
+        stress = stresses(forced, own.summed, u, X, part)[:, :, TENSOR] * (det * w)[..., None, None, None]
         flat = g.swapaxes(1, 2).reshape(len(g), n_local, -1)
         for k in range(u.shape[2]):
             pulled = (g @ stress[..., k]).swapaxes(1, 2).reshape(flat.shape)

@@ -56,6 +56,10 @@ class Midsurface:
         held, owner = np.unique(self.owner[points], return_inverse=True)
         return Midsurface(self.nodes[held], owner)
 
+    def forced(self) -> Midsurface:
+        """Return it with strains that give the body's forces, here itself."""
+        return self
+
     def stressed(self) -> Midsurface | None:
         """Return it with strains that give the body's stress, here itself; ``None`` if stress isn't known."""
         return self

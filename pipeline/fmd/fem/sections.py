@@ -55,6 +55,10 @@ class Section:
         """Return where strain at places (…, 2) of the drawing is that of: there."""
         return yz
 
+    def forced(self) -> Section | Changed:
+        """Return the section whose strain of shear gives its force, here itself."""
+        return self
+
     def stressed(self) -> Section | Changed | None:
         """Return the section whose strain gives its stress, here itself; ``None`` if it is drawn otherwise."""
         return self
@@ -212,24 +216,33 @@ class NumberedSection(Section):
         """Return factors (…, 1), at places (…, 2), of the strain of a twist without warping."""
         return _even_twist(self, yz)
 
+    def forced(self) -> ForcedSection:
+        """Return the section with the strain of shear that gives its force, not its energy."""
+        return ForcedSection(self)
+
     def stressed(self) -> SeenSection | None:
         """Return the section with the strain of its points at the corners of its drawing."""
         return None if self.seen is None else SeenSection(self)
 
 
 @dataclass(frozen=True)
-class SeenSection(Changed):
-    """A section by its numbers whose drawn corners have the strain of its points, and shear the mean of its force."""
+class ForcedSection(Changed):
+    """A section by its numbers whose stress by shear is force over area."""
+
+    def shear_shapes(self, yz: Array, nu: float) -> Array:
+        """Return shear strain along y and z at places (…, 2) over the mean."""
+        return np.broadcast_to(self.shear_areas(nu), yz.shape)
+
+
+@dataclass(frozen=True)
+class SeenSection(ForcedSection):
+    """A section by its numbers whose drawn corners have the strain of its points."""
 
     def places(self, yz: Array) -> Array:
         """Return where strain at places (…, 2) of the drawing is that of."""
         y, z = np.moveaxis(yz / np.abs(self.points).max(axis=0), -1, 0)
         N = np.stack([(1 + a * y) * (1 + b * z) for a, b in _CORNERS], axis=-1) / 4
         return np.asarray(N @ self.seen)
-
-    def shear_shapes(self, yz: Array, nu: float) -> Array:
-        """Return shear strain along y and z at places (…, 2), by which its stress is force over area."""
-        return np.broadcast_to(self.shear_areas(nu), yz.shape)
 
 
 def numbered_section(

@@ -18,6 +18,7 @@ from fmd.core.errors import InputError
 from fmd.fem.elements import ElementKind, Formulation, inverse_and_determinant, jacobians, match_nodes, shape_functions
 from fmd.fem.material import AnyMaterial
 from fmd.fem.mesh import SolidMesh, three_corners
+from fmd.fem.midsurface import Midsurface
 from fmd.fem.sections import NUMBERS_ALONE
 
 
@@ -129,12 +130,15 @@ class Discretisation:
         InputError
             A beam's section is known by its numbers alone.
         """
-        line = self.mesh.midsurface
-        if line is None or (found := line.stressed()) is line:
+        if (line := self.mesh.midsurface) is None:
             return self
-        if found is None:
+        if (found := line.stressed()) is None:
             raise InputError("mesh", "beam", None, NUMBERS_ALONE)
-        return replace(self, mesh=replace(self.mesh, midsurface=found))
+        return self.strained_by(found)
+
+    def strained_by(self, line: Midsurface) -> Discretisation:
+        """Return it with the strains of another midsurface, or itself if that is its own."""
+        return self if line is self.mesh.midsurface else replace(self, mesh=replace(self.mesh, midsurface=line))
 
     @property
     def is_enhanced(self) -> bool:

@@ -7,7 +7,6 @@ both.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -102,9 +101,8 @@ def energy_errors(space: AnySpace, material: AnyMaterial, shapes: Array) -> Arra
 
 def _member_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -> Array:
     """Return `energy_errors` of elements of one kind."""
-    line = space.mesh.midsurface
-    if line is not None and (even := line.evenly_strained()) is not line:
-        space = replace(space, mesh=replace(space.mesh, midsurface=even))
+    if (line := space.mesh.midsurface) is not None:
+        space = space.strained_by(line.evenly_strained())
     nodes, everything = np.arange(len(space.x)), np.arange(len(space.element_nodes))
     total = np.zeros((shapes.shape[2],) * 2)
     for own_material, mine in material.over(slice(None)):

@@ -24,7 +24,7 @@ from fmd.fem.formats.six_unknowns import SixUnknownsModel
 from fmd.fem.geometric_stiffness import geometric_stiffness, reduced_geometric_stiffness
 from fmd.fem.material import Material
 from fmd.fem.model import FEModel
-from fmd.fem.sections import rectangular_section
+from fmd.fem.sections import Section, box_section, numbered_section, rectangular_section
 from fmd.fem.thicken import Sheet, thicken
 from fmd.output.formats import write_format
 from fmd.output.frequencies import rotating_table
@@ -117,6 +117,22 @@ def test_a_frame_of_beams_has_the_geometric_stiffness_of_its_files_under_any_loa
     (found,) = reduced_geometric_stiffness(stressed, (u @ share)[:, :, None], shapes)
     wanted = y.T @ np.einsum("k,kij->ij", share, given) @ y
     assert np.abs(found - wanted).max() < 1e-5 * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("drawn", [rectangular_section(0.02, 0.03), box_section(0.03, 0.02, 0.002)])
+@pytest.mark.parametrize("is_stiff", [False, True])
+def test_sections_by_numbers_have_the_geometric_stiffness_of_drawn_ones(drawn: Section, is_stiff: bool) -> None:
+    """By a transverse force, whatever share of the area resists shear: it is force and moment that stiffen."""
+    about_y, about_z = drawn.moments * drawn.bending**2
+    k_y, k_z = (0.0, 0.0) if is_stiff else drawn.shear_areas(ALLOY.nu)
+    x, ends = np.array([(0.0, 0, 0), (0.2, 0, 0), (0.5, 0, 0)]), np.array([(0, 1), (1, 2)])
+    axes, of, found = np.repeat(np.eye(3)[None], 2, axis=0), np.zeros(2, int), []
+    for section in (drawn, numbered_section(drawn.area, (about_y, about_z), drawn.torsion, (k_y, k_z))):
+        fe = assemble(extrude(Beams(x, ends, axes, (section,), of, {}, {})), 1, ALLOY)
+        G, y = moved_by_nodes(fe, x), np.zeros((18, 1))
+        y[6:, 0] = np.linalg.solve((G.T @ fe.K @ G).toarray()[6:, 6:], np.r_[np.zeros(7), 1000.0, 300.0, np.zeros(3)])
+        found.append(turned_stiffness(fe, G, y)[0])
+    assert np.abs(found[1] - found[0]).max() < 1e-8 * np.abs(found[0]).max()
 
 
 @pytest.mark.parametrize("folded", [False, True])
