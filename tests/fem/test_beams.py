@@ -14,6 +14,7 @@ from fmd.fem.material import Material
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
 from fmd.fem.sections import RoundSection, Section, box_section, i_section, rectangular_section, round_section
+from fmd.recovery.patch_stress import patch_stress
 from fmd.recovery.stress import modal_stress, point_stress
 from fmd.reduction.body import supported_body
 from fmd.reduction.eigen import FreeBodySolver
@@ -101,6 +102,8 @@ def test_a_cantilever_has_the_flexibility_and_stress_of_timoshenkos_beam(name: s
     stress = modal_stress(fe.discretisation, STEEL, u, root)[:, 0]
     wanted = np.stack([np.full(len(root), 1 / A), -L * y / I_z, -L * z / I_y, 0 * y, z / I_y, -y / I_z], axis=1)
     assert np.abs(stress - wanted).max(axis=0) == pytest.approx(0.0, abs=2e-4 * L / I_z * 0.03)
+    fitted = patch_stress(fe.discretisation, STEEL, u, int(root[0]))[0]  # stress that is a product of x and y or z
+    assert fitted == pytest.approx(stress[0], abs=1e-6 * np.abs(stress).max())
 
 
 def test_shear_of_a_rectangle_is_a_parabola_and_its_torsion_has_the_stress_of_a_ring_in_a_tube() -> None:

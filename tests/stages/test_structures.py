@@ -18,10 +18,12 @@ from fmd.fem.joined import JoinedSpace
 from fmd.fem.model import FEModel
 from fmd.output.formats import write_format
 from fmd.output.frequencies import mode_warnings
+from fmd.output.plies import summarise_plies
 from fmd.reduction.body import supported_body
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.rotating import rotating_modes
 from fmd.reduction.stiffening import stiffen_body
+from fmd.scene.stress_outputs import Plies
 from fmd.stages.part import FlexiblePart
 from tests.reduction.test_links import rotor_frequencies
 
@@ -127,6 +129,23 @@ def part_of(table: dict[str, Any]) -> FlexiblePart:
     return fmd.load({"title": "Structure", "body": {"b": table}}).run.parts["b"]
 
 
+def pressed(fin: dict[str, Any]) -> dict[str, Any]:
+    """A scene in which 10 N along y press the tip of a fin, damped so that it soon rests."""
+    marker = {"base": {"face": "BASE"}, "tip": {"face": "TIP"}}
+    return {
+        "title": "Fin",
+        "body": {"b": fin | {"marker": marker, "modes": {"count": 4, "boundary": "joint", "damping": 0.5}}},
+        "joint": {"hub": {"type": "fixed", "parent": "ground", "child": "b.base"}},
+        "drive": {"push": {"type": "point force", "marker": "b.tip", "force": "10 N", "direction": [0, 1, 0]}},
+        "simulation": {
+            "duration": "10 ms",
+            "output_step": "1 ms",
+            "tip": "b.tip",
+            "run": [{"integrator": "runge-kutta", "tolerance": 1e-6}],
+        },
+    }
+
+
 TIE = [{"face": "ROOT", "onto": "TOP"}]
 
 
@@ -162,9 +181,15 @@ def test_layers_of_one_material_beside_solids_are_the_shell_that_they_are(tmp_pa
     layered = text.replace("ELSET=FIN, MATERIAL=M\n0.004", f"ELSET=FIN, COMPOSITE\n{plies}")
     (tmp_path / "fin.inp").write_text(layered)
     lamina = {"M": {"E1": 70e9, "E2": 70e9, "nu12": 0.33, "G12": 70e9 / 2.66, "rho": 2700.0}}
-    found = part_of(body(tmp_path / "fin.inp", shell="deck", tie=TIE) | {"lamina": lamina}).modes.omega
+    table = body(tmp_path / "fin.inp", shell="deck", tie=TIE) | {"lamina": lamina}
     assert layered != text
-    assert found == pytest.approx(plain, rel=1e-8)
+    assert part_of(table).modes.omega == pytest.approx(plain, rel=1e-8)
+    lamina["M"]["strength"] = dict.fromkeys(("Xt", "Xc", "Yt", "Yc", "S"), 1e8)
+    run = fmd.load(pressed(table | {"lamina": lamina})).run
+    worst = summarise_plies(run, Plies(file="plies.csv", body="b"))["plies"]["b"]["Tsai-Hill"]
+    middles = [x for own in run.parts["b"].mesh.members for x in own.points[own.cells].mean(axis=1)]
+    assert worst["element"] > len(run.parts["b"].mesh.members[0].cells)  # solids come first
+    assert worst["position_m"] == pytest.approx(middles[worst["element"]], abs=1e-12)
 
 
 def test_a_tripod_whose_feet_are_hinges_holds_and_warns(tmp_path: Path) -> None:
@@ -337,26 +362,9 @@ def test_random_structures_have_six_rigid_motions_and_the_mass_of_their_elements
 def test_a_structure_moves_with_stress_of_solids_and_of_both_faces_of_shells(tmp_path: Path) -> None:
     deck = finned(np.linspace(-0.02, 0.02, 5), own_nodes=True)
     deck.write(tmp_path / "fin.inp")
-    table = body(tmp_path / "fin.inp", shell="deck", tie=TIE) | {
-        "marker": {"base": {"face": "BASE"}, "tip": {"face": "TIP"}},
-        "element": {
-            side: {"at": [0.0125, y, 0.03125], "part": "FIN"} for side, y in (("left", 0.002), ("right", -0.002))
-        },
-    }
-    push = {"type": "point force", "marker": "b.tip", "force": "10 N", "direction": [0, 1, 0]}
-    scene = {
-        "title": "Fin",
-        "body": {"b": table | {"modes": {"count": 4, "boundary": "joint", "damping": 0.5}}},
-        "joint": {"hub": {"type": "fixed", "parent": "ground", "child": "b.base"}},
-        "drive": {"push": push},
-        "simulation": {
-            "duration": "10 ms",
-            "output_step": "1 ms",
-            "stiffening": "on",
-            "tip": "b.tip",
-            "run": [{"integrator": "runge-kutta", "tolerance": 1e-6}],
-        },
-    }
+    named = {side: {"at": [0.0125, y, 0.03125], "part": "FIN"} for side, y in (("left", 0.002), ("right", -0.002))}
+    scene = pressed(body(tmp_path / "fin.inp", shell="deck", tie=TIE) | {"element": named})
+    scene["simulation"]["stiffening"] = "on"
     run = fmd.load(scene).run
     left, right = (next(iter(run.element_stress(f"b.{side}", "zz").values()))[-1] for side in ("left", "right"))
     bending = 6 * 10 * 0.02875 / (0.02 * 0.004**2)  # 6 F (h - z) / b t², pressed on the side that it moves to

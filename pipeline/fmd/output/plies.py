@@ -42,9 +42,10 @@ def write_plies(run: Pipeline, output: Plies, folder: Path) -> list[str]:
                 known = np.isfinite(own["tsai_hill_index"]).all()
                 worst = int(own["tsai_hill_index" if known else "stress_11_max_pa"].argmax())
                 name = "Tsai-Hill" if known else "11 max"
-                time, x = run.motion.times[found.frames[name][worst, k, side]], _place(run, output.body, found, worst)
+                time = run.motion.times[found.frames[name][worst, k, side]]
+                element, x = _place(run, output.body, found, worst)
                 figures = next(number_texts(np.array([[np.degrees(ply.angle), *extremes, time, *x]])))
-                rows.append([str(number), str(k + 1), face, ply.name, *figures, str(found.elements[worst])])
+                rows.append([str(number), str(k + 1), face, ply.name, *figures, str(element)])
     header = ["laminate", "ply", "face", "material", "angle_deg", *_COLUMNS, "at_s", "x_m", "y_m", "z_m", "element"]
     write_table(folder / output.file, header, rows)
     stated = VariableErrors(run)
@@ -118,10 +119,10 @@ def _require_indices(run: Pipeline, output: Plies, found: PlyExtremes) -> Array:
     return index
 
 
-def _place(run: Pipeline, body: str, found: PlyExtremes, element: int) -> Array:
-    """Return the middle of an element in the part's own coordinates, shape (3,) [m]."""
-    space = shells_of(run.wholes[body].space).space
-    return np.asarray(space.x[space.element_nodes[found.elements[element]]].mean(axis=0))
+def _place(run: Pipeline, body: str, found: PlyExtremes, place: int) -> tuple[int, Array]:
+    """Return the body's number of an element, and its middle in the part's own coordinates, shape (3,) [m]."""
+    own, element = shells_of(run.wholes[body].space), int(found.elements[place])
+    return own.first_element + element, own.space.x[own.space.element_nodes[element]].mean(axis=0)
 
 
 def summarise_plies(run: Pipeline, output: Plies) -> dict[str, dict[str, Any]]:
@@ -132,18 +133,19 @@ def summarise_plies(run: Pipeline, output: Plies) -> dict[str, dict[str, Any]]:
             index = found.values[name]
             if np.isnan(index).all():
                 continue
-            element, k, side = (int(each) for each in np.unravel_index(np.nanargmax(index), index.shape))
-            value, ply = float(index[element, k, side]), found.laminate.plies[k]
+            place, k, side = (int(each) for each in np.unravel_index(np.nanargmax(index), index.shape))
+            value, ply = float(index[place, k, side]), found.laminate.plies[k]
             if value > worst.get(name, {"value": -1.0})["value"]:
+                element, x = _place(run, output.body, found, place)
                 worst[name] = {
                     "value": value,
                     "ply": k + 1,
                     "face": ("lower", "upper")[side],
                     "material": ply.name,
                     "angle_deg": float(np.degrees(ply.angle)),
-                    "time_s": float(run.motion.times[found.frames[name][element, k, side]]),
-                    "element": int(found.elements[element]),
-                    "position_m": _place(run, output.body, found, element).tolist(),
+                    "time_s": float(run.motion.times[found.frames[name][place, k, side]]),
+                    "element": element,
+                    "position_m": x.tolist(),
                 }
     return {"plies": {output.body: worst}}
 

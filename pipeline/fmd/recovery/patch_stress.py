@@ -35,7 +35,9 @@ def patch_stress(space: AnySpace, material: AnyMaterial, shapes: Array, node: in
     space, material, shapes, node = _around(space, material, shapes, node)
     X = space.kind.stress_points
     patch = np.flatnonzero((space.element_nodes == node).any(axis=1))
-    n_terms = 4 if space.order == 1 else 10
+    # Where shells and beams bend, stress is a product of places along and across, which straight terms don't have.
+    order = space.order if space.mesh.midsurface is None else 2
+    n_terms = 4 if order == 1 else 10
     while len(patch) * X.shape[1] < SAMPLES_PER_TERM * n_terms:
         wider = np.flatnonzero(np.isin(space.element_nodes, space.element_nodes[patch]).any(axis=1))
         if len(wider) == len(patch):
@@ -45,7 +47,7 @@ def patch_stress(space: AnySpace, material: AnyMaterial, shapes: Array, node: in
     places = (N.T @ space.corner_coordinates[patch] - space.x[node]).reshape(-1, 3)
     size = np.ptp(places, axis=0)
     stress = stresses(space, material, shapes, X, patch).reshape(len(places), 6, -1)
-    fitted = np.linalg.lstsq(_terms(space.order, places / size), stress.reshape(len(places), -1), rcond=None)[0]
+    fitted = np.linalg.lstsq(_terms(order, places / size), stress.reshape(len(places), -1), rcond=None)[0]
     return np.asarray(fitted[0].reshape(6, -1))  # the other terms vanish at the node
 
 

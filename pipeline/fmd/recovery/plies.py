@@ -36,7 +36,7 @@ class PlyExtremes:
     """Extremes over time in the middle of elements of one laminate, at the lower and the upper face of each ply."""
 
     laminate: Laminate
-    elements: IntArray  # (n_elements,): their numbers
+    elements: IntArray  # (n_elements,): their numbers among the body's shells
     # (n_elements, n_plies, 2): ``"11 max"``, ``"11 min"`` … [Pa], and ``FAILURE_INDICES``, NaN in plies without
     # strengths
     values: dict[str, Array]
