@@ -52,6 +52,10 @@ class FEModel:
         """Pairs of nodes of an element, for which a stress has entries before they are summed."""
         return max(int(own.space.element_nodes.shape[1]) ** 2 for own in self.discretisation.members)
 
+    def name_point(self, k: int) -> str:
+        """Return what a message calls point k: its place."""
+        return f"({', '.join(f'{each:.4g}' for each in self.x[k])}) m"
+
     @property
     def mass(self) -> float:
         """Total mass [kg]."""

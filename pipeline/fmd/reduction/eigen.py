@@ -34,6 +34,7 @@ from fmd.core.limits.modes import (
 from fmd.core.progress import Advance
 from fmd.reduction.block_lanczos import largest_pairs
 from fmd.reduction.factor.factor import Factor, factorise, refuse_too_large
+from fmd.reduction.free_motions import wrong_count
 from fmd.reduction.inertia_relief import THIN, flexibility_at, held_stiffness, rounded_defect, solve_balanced
 from fmd.reduction.missed_modes import missed_eigenvalue
 from fmd.reduction.modes import EigenPairs
@@ -334,14 +335,8 @@ class FreeBodySolver:
             rounded = float(np.finfo(float).eps * (sizes * (abs(self._K) @ sizes)).sum(axis=0).max())
             n_rigid = int(np.count_nonzero(eigenvalues < min(OF_ROUND_OFF * rounded, ROUNDED_RESIDUAL * self.bound)))
         if n_rigid != expected:
-            lowest = ", ".join(f"{value:.1e}" for value in eigenvalues[:8])
-            whole = "a free body" if expected == 6 else "the body with its constraints"
-            raise AccuracyError(
-                f"found {n_rigid} rigid-body modes, {whole} has {expected}; the lowest eigenvalues are {lowest} "
-                f"rad²/s², of which those below {ZERO_EIGENVALUE * self.bound:.1e} count as zero"
-                + f"; round-off alone leaves {rounded:.0e} rad²/s², {THIN}"
-                * (rounded > ZERO_EIGENVALUE * self.bound)
-            )
+            limits = ZERO_EIGENVALUE * self.bound, rounded
+            raise wrong_count(self._fe, self._nodal(Phi[:, :n_rigid]), self.rigid_modes, expected, eigenvalues, limits)
         residual = self._largest_residual(eigenvalues, Phi, n_rigid, inverse)
         shapes = self._nodal(Phi[:, n_rigid:])
         flat = shapes.reshape(-1, shapes.shape[2])

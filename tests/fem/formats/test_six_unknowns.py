@@ -125,6 +125,17 @@ def test_a_node_with_rotations_is_a_whole_marker_by_itself(tmp_path: Path) -> No
     assert marker.rotation(pairs.shapes) == pytest.approx(y[3 * (len(x) + 5) : 3 * (len(x) + 6)], abs=1e-12)
 
 
+def test_a_node_that_turns_without_stiffness_is_named(tmp_path: Path) -> None:
+    """Two nodes in frictionless bearings, about one axis and about all."""
+    x, K, _ = frame()
+    for unknown in (6 * 5 + 3, 6 * 9 + 3, 6 * 9 + 4, 6 * 9 + 5):
+        K = K - np.outer(K[:, unknown], K[unknown]) / K[unknown, unknown]
+        K[unknown], K[:, unknown] = 0.0, 0.0
+    model = read_matrices(*write(tmp_path, x, K, lumped(x)), SI, 6)
+    with pytest.raises(AccuracyError, match=r"turns freely beside the rest: node 10[59], node 10[59]$"):
+        FreeBodySolver(model).modes(10)
+
+
 def test_solids_among_them_keep_their_masses_as_they_are(small_bar: object) -> None:
     """Nodes without rotations: the model has the points and the masses of the solid alone."""
     bar = small_bar

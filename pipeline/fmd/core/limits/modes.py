@@ -15,6 +15,9 @@ RIGID_DEFECT = 1e-6  # part of a rigid motion that the Craig–Bampton space may
 RIGID_REST = 1e-7  # of a shape's size: less that is left without its rigid motion is none
 # Of an upper bound of the lowest elastic eigenvalue: Lanczos leaves 1e-12, an elastic mode a fiftieth or more.
 ZERO_EIGENVALUE = 3e-7
+MOVES_FREELY = 1e-2  # of the largest motion without stiffness beside rigid ones: a point with more is named
+NAMED_AT_MOST = 3  # of such points in a message
+ROBUST_FITS = 30  # of rigid motions to those without stiffness
 # Of that bound: static responses take 12 to 15 solutions where a tenth of it takes 8 to 10, but with a third already
 # round-off of rigid motions leaves modes of bars that joints hold, 300 times as long as deep, too large a residual.
 SHIFT = 0.3

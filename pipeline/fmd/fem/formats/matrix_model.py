@@ -50,6 +50,10 @@ class MatrixModel(FEModel):
     fields: StressFields | None = field(default=None, kw_only=True)  # stress of some displacements
     stressed: StressedStiffness | None = field(default=None, kw_only=True)  # geometric stiffness under some loads
 
+    def name_point(self, k: int) -> str:
+        """Return what a message calls point k: the number of its node."""
+        return f"node {self.labels[k]}"
+
     @property
     def local_pairs(self) -> int:
         """Entries that a stress has beside its sums: none, without elements."""

@@ -36,6 +36,11 @@ class SixUnknownsModel(MatrixModel):
     # (n_nodes,): number of the first of the seven points around each node; -1 for a node without rotations
     turning: IntArray
 
+    def name_point(self, k: int) -> str:
+        """Return what a message calls point k: the number of the node that moves it."""
+        node = k if k < len(self.turning) else np.flatnonzero(self.turning >= 0)[(k - len(self.turning)) // 7]
+        return super().name_point(int(node))
+
     def unknowns(self, shapes: Array) -> Array:
         """Return displacements of all nodes and rotations of those that turn, by displacements of points."""
         return np.asarray(self.shown @ super().unknowns(shapes))

@@ -1,0 +1,45 @@
+"""Shapes without stiffness that are more or fewer than the rigid motions of a body, and which points move so."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError
+from fmd.core.limits.modes import MOVES_FREELY, NAMED_AT_MOST, ROBUST_FITS
+from fmd.fem.model import FEModel
+from fmd.reduction.inertia_relief import THIN
+
+
+def wrong_count(
+    fe: FEModel, shapes: Array, rigid: Array, expected: int, eigenvalues: Array, limits: tuple[float, float]
+) -> AccuracyError:
+    """Return the fault that shapes (n_nodes, 3, n) without stiffness aren't as many as the rigid motions of a body.
+
+    ``limits`` are the eigenvalue below which one counts as zero, and what round-off alone leaves [rad²/s²].
+    """
+    zero, rounded = limits
+    lowest = ", ".join(f"{value:.1e}" for value in eigenvalues[:8])
+    whole = "a free body" if expected == 6 else "the body with its constraints"
+    why = f"; round-off alone leaves {rounded:.0e} rad²/s², {THIN}" if rounded > zero else ""
+    if not why and shapes.shape[2] > expected:
+        why = f"; what moves or turns freely beside the rest: {_free_points(fe, shapes, rigid)}"
+    return AccuracyError(
+        f"found {shapes.shape[2]} rigid-body modes, {whole} has {expected}; the lowest eigenvalues are {lowest} "
+        f"rad²/s², of which those below {zero:.1e} count as zero{why}"
+    )
+
+
+def _free_points(fe: FEModel, shapes: Array, rigid: Array) -> str:
+    """Name the points that move in shapes (n_nodes, 3, n) beyond rigid motions (3 n_nodes, r)."""
+    flat = shapes.reshape(len(rigid), -1)
+    moved = np.linalg.norm(flat.reshape(len(fe.x), -1), axis=1)
+    for _ in range(ROBUST_FITS if rigid.size else 0):
+        # Weighted so that the sum of distances is least, and most points don't move.
+        weighted = rigid.T / np.repeat(np.maximum(moved, MOVES_FREELY**2 * moved.max()), 3)
+        beyond = flat - rigid @ (np.linalg.pinv(weighted @ rigid) @ (weighted @ flat))
+        moved = np.linalg.norm(beyond.reshape(len(fe.x), -1), axis=1)
+    free = np.flatnonzero(moved > MOVES_FREELY * moved.max())
+    names = list(dict.fromkeys(fe.name_point(k) for k in free[np.argsort(-moved[free], kind="stable")]))
+    more = f" and {len(names) - NAMED_AT_MOST} more" if len(names) > NAMED_AT_MOST else ""
+    return ", ".join(names[:NAMED_AT_MOST]) + more
