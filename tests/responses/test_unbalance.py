@@ -240,3 +240,17 @@ def test_a_free_turn_that_a_mesh_out_of_round_holds_a_little_takes_no_part(held:
     moved, against = circular_response(A, B, C, 0.0)
     assert abs(moved[0]) == pytest.approx(1.0 / 3e4, rel=1e-6)
     assert against[0] == 0.0
+
+
+@pytest.mark.parametrize(("omega", "zeta"), [(10.0, 1e-2), (100.0, 1e-4), (1e3, 1e-6)])
+def test_a_lightly_damped_critical_rate_keeps_its_peak_beside_fast_vibrations(omega: float, zeta: float) -> None:
+    """A Jeffcott rotor at its critical rate is moved by 1/(2 ζ ω²), whatever vibrates at 10⁷ rad/s beside it."""
+    turn, damper = np.array([[0.0, -1.0], [1.0, 0.0]]), 2.0 * zeta * omega
+    K, D, nothing = np.diag([0.0, 0.0, 1e14, 1e14]), np.zeros((4, 4)), np.zeros((4, 4))
+    K[:2, :2] += damper * omega * turn
+    D[:2, :2] = damper * np.eye(2) + 2.0 * omega * turn
+    D[2:, 2:] = 1e4 * np.eye(2) + 2.0 * omega * turn
+    A = np.block([[nothing, np.eye(4)], [-K, -D]])
+    B = np.concatenate([np.zeros((4, 2)), np.eye(2), np.eye(2)])
+    moved, _ = circular_response(A, B, (np.eye(8)[:1], np.eye(8)[1:2]), 0.0)
+    assert abs(moved[0]) == pytest.approx(1.0 / (2.0 * zeta * omega**2), rel=1e-6)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.limits.responses import LOOSE_STATE
+from fmd.core.limits.responses import LEAST_SEEN, LOOSE_STATE, LOOSE_TURN
 from fmd.responses.whirl import state_scale
 
 
@@ -29,7 +29,10 @@ def circular_response(A: Array, B: Array, C: tuple[Array, Array], omega: float) 
     scale = state_scale(A)
     scaled, forces = scale[:, None] * A / scale, scale[:, None] * B
     if omega == 0.0:  # what turns or shifts as a whole isn't moved by it: the smallest answer
-        x = np.linalg.lstsq(-scaled, forces, rcond=LOOSE_STATE)[0] / scale[:, None]
+        left, sizes, right = np.linalg.svd(-scaled)
+        seen = np.linalg.norm(np.concatenate(C) / scale @ right.T, axis=0)
+        held = (sizes > LOOSE_STATE * sizes[0]) & ((sizes > LOOSE_TURN * sizes[0]) | (seen > LEAST_SEEN * seen.max()))
+        x = (right[held].T / sizes[held]) @ (left.T[held] @ forces) / scale[:, None]
         both = np.stack([C[0] @ x, C[1] @ x], axis=1)  # (n_points, 2, 2)
         left, sizes, right = np.linalg.svd(both)
         moved, force = left[:, :, 0] @ [1.0, 1.0j], right[:, 0] @ [1.0, 1.0j]
