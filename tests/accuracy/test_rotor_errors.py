@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.accuracy import response_errors
+from fmd.accuracy.coarse_mesh import NO_COARSER_MESH
 from fmd.core.cache import Cache
 from fmd.output.campbell import CampbellDiagram, compute_campbell, write_campbell
 from fmd.output.unbalance import CircularResponse, compute_circular_response, with_orbit_errors, write_circular_response
@@ -57,6 +59,11 @@ def diagram(runs: tuple[Pipeline, Pipeline]) -> CampbellDiagram:
     return compute_campbell(runs[0], RATES, [1.0])
 
 
+@pytest.fixture(scope="module")
+def finer(runs: tuple[Pipeline, Pipeline]) -> CampbellDiagram:
+    return compute_campbell(runs[1], RATES, [])
+
+
 def orbits(run: Pipeline) -> CircularResponse:
     return compute_circular_response(run, "shaft.middle", unbalance, SPEEDS)
 
@@ -65,8 +72,8 @@ def unbalance(rate: float) -> float:
     return 1e-4 * rate**2
 
 
-def test_the_errors_of_frequencies_hold_those_against_a_finer_rotor(runs, diagram, tmp_path) -> None:
-    found, finer = diagram.with_errors(runs[0]), compute_campbell(runs[1], RATES, [])
+def test_the_errors_of_frequencies_hold_those_against_a_finer_rotor(runs, diagram, finer, tmp_path) -> None:
+    found = diagram.with_errors(runs[0])
     n = 5
     true = np.abs(found.frequencies_hz - finer.frequencies_hz[:, : found.frequencies_hz.shape[1]])[:, :n]
     stated = found.errors_hz[:, :n]
@@ -76,6 +83,17 @@ def test_the_errors_of_frequencies_hold_those_against_a_finer_rotor(runs, diagra
     write_campbell(found, tmp_path)
     header, first, *_ = (tmp_path / "campbell.csv").read_text().splitlines()
     assert float(first.split(",")[header.split(",").index("mode_1_error_hz")]) == pytest.approx(stated[0, 0], rel=1e-3)
+
+
+def test_a_rotor_of_a_mesh_that_cannot_be_coarser_has_errors_by_recovered_stress(
+    runs, diagram, finer, monkeypatch
+) -> None:
+    """As one from a mesh file, of which nothing was stated."""
+    monkeypatch.setattr(response_errors, "make_coarse_pair", lambda run: NO_COARSER_MESH)
+    stated = diagram.with_errors(runs[0]).errors_hz[:, :5]
+    true = np.abs(diagram.frequencies_hz - finer.frequencies_hz[:, : diagram.frequencies_hz.shape[1]])[:, :5]
+    assert (true <= stated).all()
+    assert np.median(stated / true) < 20
 
 
 def test_a_diagram_without_errors_says_so(diagram, tmp_path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.true_errors import true_errors
 from fmd import Pipeline, load_scene
-from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair
+from fmd.accuracy.coarse_mesh import NO_COARSER_MESH, Pair, make_coarse_pair
 from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.core.cache import Cache
 from fmd.output.summary import summarise
@@ -94,7 +94,7 @@ def test_a_body_of_one_element_each_way_says_what_it_could_not_estimate() -> Non
         ),
     )
     rows = {row.name: row for row in ERROR_BUDGET.of(run).rows}
-    assert rows["beam, mass"].parts["discretisation"] == "not estimated: there is no coarser mesh"
+    assert rows["beam, mass"].parts["discretisation"] == NO_COARSER_MESH
     frequency = rows["beam, frequency 1"]
     assert isinstance(frequency.parts["discretisation"], float)  # from recovered stress alone
     assert frequency.parts["truncation"] == "no part in it"

@@ -30,6 +30,9 @@ from fmd.stages.pipeline import Pipeline
 
 KINDS = ("displacement", "stress", "spot stress", "geometry")  # of quantities, by their convergence
 
+NO_COARSER_MESH = "not estimated: there is no coarser mesh; of a mesh file a run with a second, coarser one tells"
+"""Why nothing is compared with a coarser mesh where the scene's can't be coarser."""
+
 
 @dataclass(frozen=True)
 class Pair:
@@ -92,7 +95,7 @@ def make_coarse_pair(run: Pipeline) -> Pair | str:
     Few curved elements may be inverted: then a mesh that is less coarse is tried. Where the faces' own size, not that
     which is asked for, decides how many elements there are, all meshes are alike and tell nothing.
     """
-    why = "not estimated: there is no coarser mesh"
+    why = NO_COARSER_MESH
     for times in COARSENING_FACTORS:
         scene = coarsen_meshes(run.scene, times)
         if scene is None:

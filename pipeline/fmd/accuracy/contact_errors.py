@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmd.accuracy.coarse_mesh import NO_COARSER_MESH
 from fmd.accuracy.error_estimates import NO_PART, Quantity, refinement_gain
 from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
 from fmd.core.errors import AccuracyError, StabilityError
@@ -194,7 +195,7 @@ def _compare(run: Pipeline, source: str, limit: TimeLimit) -> Differences:
 def _on_coarser_meshes(run: Pipeline) -> _Variant | str:
     scene = coarsen_meshes(run.scene)
     if scene is None:
-        return "not estimated: there is no coarser mesh"
+        return NO_COARSER_MESH
 
     def gain(other: Pipeline) -> float:
         pairs = [(own, other.parts[name]) for name, own in run.parts.items()]

@@ -137,14 +137,20 @@ def _find_variants(run: Pipeline, linear: LinearModel, request: Request, lowest:
     shifted = shift_frequencies(run, lambda done: run.store.advance(OF_TWO_MESHES * done))
     if isinstance(shifted, str):
         return shifted
-    pair, rich = shifted.pair, linearise_scene(shifted.pair.run, *request)
+    pair, rich = shifted.pair, linearise_scene(shifted.richer, *request)
+    of_stress = np.array([channel.unit == "Pa" for channel in linear.model.outputs])[:, None]
+    lowest_excess = 2.0 * float(shifted.share(np.zeros(1))[0])
+    if isinstance(pair, str):
+        return (
+            pair
+            if of_stress.any()
+            else _Variants(linear, rich, shifted.share, np.full(rich.model.D.shape, lowest_excess))
+        )
     coarse = linearise_scene(pair.coarse.variant(pair.coarse.scene), *request)
     at = np.array([lowest])
     own, other = (np.abs(each.frequency_response(at)[0]) for each in (rich, coarse))
-    of_stress = np.array([channel.unit == "Pa" for channel in linear.model.outputs])[:, None]
     gains = np.where(of_stress, pair.gains["spot stress"], pair.gains["displacement"])
     share = np.divide(np.abs(other - own), own * gains, out=np.zeros_like(own), where=own > 0)
-    lowest_excess = 2.0 * float(shifted.share(np.zeros(1))[0])
     share = np.where(of_stress, share, np.maximum(share, lowest_excess))  # what is too stiff yields too little
     return _Variants(linear, rich, shifted.share, share)
 
@@ -153,7 +159,8 @@ def _find_variants(run: Pipeline, linear: LinearModel, request: Request, lowest:
 class FrequencyShift:
     """By how much a mesh raises the frequencies of a scene with about twice as many modes."""
 
-    pair: Pair  # the richer run, and the same on a coarser mesh
+    richer: Pipeline
+    pair: Pair | str  # the richer run and the same on a coarser mesh, or why there is none, as of a mesh from a file
     hertz: Array  # (n,): frequencies of all parts' modes, ascending [Hz]
     excess: Array  # (n,): relative excess of the squares of the frequencies up to each
 
@@ -172,21 +179,21 @@ def shift_frequencies(run: Pipeline, advance: Advance = lambda done: None) -> Fr
         assert part.modes is not None  # which makes them
         advance(OF_MORE_MODES * k / len(richer.parts))
     pair = make_coarse_pair(richer)
-    if isinstance(pair, str):
-        return pair.removeprefix("not estimated: ")
+    pair = pair.removeprefix("not estimated: ") if isinstance(pair, str) else pair
     advance(1.0)
-    return FrequencyShift(pair, *_excess_of_modes(richer, pair))
+    return FrequencyShift(richer, pair, *_excess_of_modes(richer, pair))
 
 
-def _excess_of_modes(run: Pipeline, pair: Pair) -> tuple[Array, Array]:
+def _excess_of_modes(run: Pipeline, pair: Pair | str) -> tuple[Array, Array]:
     """Return the frequencies of all parts' modes, ascending, and the excess of their squares by the mesh up to each.
 
-    As in the error budget: by recovered stress and by a coarser mesh, and by more elements from side to side.
+    As in the error budget: by recovered stress, by a coarser mesh if there is one, and by more elements across.
     """
     across = make_pair_across(run)
     hertz, excess = [], []
     for name, part in run.parts.items():
-        own = combine_modes(part, energy_excess(part, part.body)[0], pair)
+        own = energy_excess(part, part.body)[0]
+        own = own if isinstance(pair, str) else combine_modes(part, own, pair)
         if across is not None and across.divides(name):
             own = add_across(own, across, name)
         hertz.append(part.modes.frequencies_hz)

@@ -37,7 +37,7 @@ def estimate_frequency_errors(
         shift = shift_frequencies(without_whirl_tables(run), lambda done: advance(OF_TWO_MESHES * done))
         if isinstance(shift, str):
             return shift
-        richer = shift.pair.run.variant(shift.pair.run.scene.model_copy(update={"bearing": run.scene.bearing}))
+        richer = shift.richer.variant(shift.richer.scene.model_copy(update={"bearing": run.scene.bearing}))
         vibrations, more = find_vibrations(richer, float(rates[-1])), np.full_like(frequencies_hz, np.nan)
         for k, rate in enumerate(rates.tolist()):
             advance(WITH_RATES + (1.0 - WITH_RATES) * k / len(rates))
@@ -87,6 +87,6 @@ def find_richer_orbits(
         if shift is None:  # all is rigid
             return RicherOrbits(respond(run), np.zeros_like, highest)
         share = shift.share
-        return RicherOrbits(respond(shift.pair.run), lambda rates: share(abs(order) * rates / (2 * np.pi)), highest)
+        return RicherOrbits(respond(shift.richer), lambda rates: share(abs(order) * rates / (2 * np.pi)), highest)
     except FAULTS as fault:
         return f"{fault}"
