@@ -338,7 +338,7 @@ def test_random_structures_have_six_rigid_motions_and_the_mass_of_their_elements
     part = part_of(body(tmp_path / "frame.inp", shell="deck", beam="deck", tie=TIE))
     fe = part.fe
     rigid = fe.rigid_modes
-    y = np.linalg.lstsq(fe.T.toarray(), rigid)[0]
+    y = spsolve((fe.T.T @ fe.T).tocsc(), fe.T.T @ rigid)
     assert np.abs(fe.T @ y - rigid).max() < 1e-10  # each rigid motion is one of the unknowns'
     assert np.abs(fe.K @ rigid).max() < 1e-9 * abs(fe.K).max()
     assert part.modes.n_rigid == 6
