@@ -145,8 +145,7 @@ class FreeBodySolver:
         room = n - B.shape[1] - Z.shape[1]
         count = min(count, room)
         n_vectors = max(2 * count, count + 20)
-        definite = self.shift < 0.0  # of a supported body only if nothing in it turns about a hinge
-        if n_vectors < (DENSE_FROM * room if definite and n <= MOST_DENSE else room):
+        if n_vectors < (DENSE_FROM * room if self.shift < 0.0 and n <= MOST_DENSE else room):  # without, K has hinges
             eigenvalues, Phi = self._elastic_pairs(count, n_vectors, room, Z, inverse)
             eigenvalues = np.concatenate([np.einsum("ij,ij->j", Z, self._K @ Z), eigenvalues])
             Phi = np.concatenate([Z, Phi], axis=1)
