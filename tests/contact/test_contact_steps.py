@@ -10,13 +10,22 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.accuracy.contact_errors import contact_errors
 from fmd.core.errors import ConvergenceError, InputError
 from fmd.core.limits.contact import CHOSEN_STEP
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.output.contacts import contact_warnings
 from fmd.stages.contact_steps import steps_settle
 from tests.contact.test_contact_points import BLOCK
+from tests.contact.test_rigid_contacts import BALL, MASS, RADIUS, SPEED, STIFF, free, scene
 
 IMPLICIT = "simulation.run.0.integrator=generalized-alpha"
+NEAR = (  # 40 µm above the floor, with the speed of the fall
+    'joint.free.position=["0 m", "50.04 mm", "0 m"]',
+    'joint.free.velocity=["0 m/s", "-0.44 m/s", "0 m/s"]',
+    "simulation.duration=0.3 ms",
+    "simulation.output_step=10 us",
+)
 
 
 def block(*overrides: str, **tables: Any) -> Pipeline:
@@ -36,20 +45,40 @@ def test_a_step_beyond_the_modes_own_limit_is_refused_before_contacts_are_found(
         _ = block("simulation.step=1 ms", "body.block.modes.enrich=inertia").mechanism
 
 
-def automatic(scene: dict[str, Any], error: float, **tables: Any) -> Pipeline:
+def automatic(scene: dict[str, Any], error: float, *overrides: str) -> Pipeline:
     simulation = {key: value for key, value in scene["simulation"].items() if key != "step"}
     simulation |= {"run": [{"integrator": "auto"}], "error": error}
-    return Pipeline(load_scene(scene | {"simulation": simulation} | tables))
+    return Pipeline(load_scene(scene | {"simulation": simulation}, overrides))
 
 
 def test_auto_halves_steps_of_an_implicit_method_until_figures_of_contacts_agree() -> None:
     """Its impulse and largest force are those of explicit steps of 1 µs, which resolve what it passes over."""
-    run, fine = automatic(BLOCK, 5e-3), block("simulation.step=1 us")
+    run, fine = automatic(BLOCK, 5e-3, *NEAR), block(*NEAR, "simulation.step=1 us")
     ours, exact = (each.motion.contacts["floor"] for each in (run, fine))
     assert list(run.motions) == ["generalized-alpha"]
     assert run.motion.trajectory.step <= 0.125 * run.growths[0].step * CHOSEN_STEP / run.results["contact step"]
     assert ours.impulse[-1] == pytest.approx(exact.impulse[-1], rel=1e-2, abs=1e-2 * np.abs(exact.impulse[-1]).max())
     assert ours.largest[0] == pytest.approx(exact.largest[0], rel=1e-2)
+
+
+@pytest.mark.parametrize(("error", "told"), [(1e-2, []), (1e-6, ["contact-step"])])
+def test_auto_halves_explicit_steps_of_rigid_surfaces_and_warns_where_that_is_not_enough(
+    error: float, told: list[str]
+) -> None:
+    """Largest force of a ball by Hertz, ``4/3 E* √R δ^1.5`` with ``δ = (15 m v²/(16 E* √R))^0.4``."""
+    joint = {"free": free("ball.centre", [0, 0, RADIUS + 1e-6], [0, 0, -SPEED])}
+    floor = {"between": ["ground", "ball.skin"], "normal": [0, 0, 1]}
+    run = automatic(scene({"ball": BALL}, joint, {"floor": floor}, 3e-4), error)
+    own, stiff = run.motion.contacts["floor"], STIFF * np.sqrt(RADIUS)
+    force = 4.0 / 3.0 * stiff * (15.0 / 16.0 * MASS * SPEED**2 / stiff) ** 0.6
+    assert list(run.motions) == ["central-difference"]
+    assert own.largest[0] == pytest.approx(force, rel=max(error, 1e-5))
+    contact_errors(run, 100.0)
+    warnings = contact_warnings(run)
+    assert [each["code"] for each in warnings] == told
+    assert all(
+        "contact.floor: halvings of the step have brought its largest force" in each["text"] for each in warnings
+    )
 
 
 def test_auto_is_the_only_run_of_a_scene_with_contacts_and_other_steered_methods_are_refused() -> None:
@@ -65,7 +94,7 @@ def test_auto_is_the_only_run_of_a_scene_with_contacts_and_other_steered_methods
 
 
 def test_an_implicit_method_takes_a_step_by_its_modes_and_the_impulse_of_short_explicit_ones() -> None:
-    implicit, explicit = (block(*own, "body.block.modes.enrich=inertia") for own in ([IMPLICIT], []))
+    implicit, explicit = (block(*own, *NEAR, "body.block.modes.enrich=inertia") for own in ([IMPLICIT], []))
     (first,) = implicit.growths
     assert first.step == pytest.approx(0.25 * 2.0 / implicit.parts["block"].body.omega[3])  # of four modes that count
     assert first.step > implicit.system.largest_step  # which an explicit method would diverge at
