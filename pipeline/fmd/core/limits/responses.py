@@ -75,8 +75,8 @@ STEADY_RATE = 1e-3  # of the squared rate, or of 1 rad/s²: less is no accelerat
 LOOSE_STATE = 1e-13  # of the largest singular value of a scaled state matrix: what nothing holds
 # Of the same: the free turn of a rotor, which a mesh a little out of round holds by 1e-12 at 10,000 rpm, and by more at
 # higher rates. Vibrations of the ready rotor are down to 1.3e-8, lightly damped ones at their critical rate far below.
-# Unlike these, down to 2e-4, the turn moves points on the axis by less than so much of what others do.
-LOOSE_TURN, LEAST_SEEN = 1e-8, 1e-4
+# Unlike these it moves points on the axis by less than so much of what others do.
+LOOSE_TURN, LEAST_SEEN = 6e-9, 3e-4
 HALF_POWER = 0.5**0.5  # of a peak, at which its width is measured
 PEAK_DIGITS = 1e-8  # of a critical rate
 # How far from a critical rate that of a rotor with more modes is looked for: a part of it, or widths of its peak.
