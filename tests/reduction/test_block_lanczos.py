@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from scipy.linalg import eigh
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
@@ -20,6 +21,7 @@ from fmd.reduction import block_lanczos, eigen
 from fmd.reduction.block_lanczos import largest_pairs
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.factor.factor import Factor, factorise
+from fmd.reduction.missed_modes import missed_eigenvalue
 
 by_fronts = partial(factorise, solver="multifrontal")
 
@@ -49,6 +51,26 @@ def test_the_largest_are_found_with_all_of_their_multiplicity(seed: int) -> None
     assert theta == pytest.approx(1.0 / values[known : known + count], rel=1e-12)
     assert np.abs(Phi.T @ mass @ Phi - np.eye(count)).max() < 1e-11
     assert np.abs(modes[:, :known].T @ mass @ Phi).max(initial=0.0) < 1e-11
+
+
+@pytest.mark.parametrize("rank", [3, 12, 30])
+def test_bodies_with_few_masses_have_as_many_modes(rank: int) -> None:
+    """Against LAPACK; the check misses what is left out, and nothing else."""
+    rng = np.random.default_rng(rank)
+    half, mass = rng.standard_normal((120, 120)), np.zeros(120)
+    mass[:rank] = rng.random(rank) + 0.5
+    K, M = half @ half.T + 5.0 * np.eye(120), sp.csr_array(np.diag(mass))
+    inverse, none = np.linalg.inv(K), np.zeros((120, 0))
+    exact = 1.0 / np.sort(eigh(np.diag(mass), K, eigvals_only=True))[::-1]
+    for count in (2, rank, rank + 4):
+        start = rng.standard_normal((120, 8))
+        theta, Phi = largest_pairs(lambda f: inverse @ f, M, none, count, count + 48, start)
+        assert 1.0 / theta == pytest.approx(exact[: min(count, rank)], rel=1e-11)
+        known, highest = np.delete(Phi, 1, axis=1), 1.0 / theta[-1]
+        assert missed_eigenvalue(M, Phi, lambda f: inverse @ f, 0.0, highest, 8) is None
+        if count > 2:
+            found = missed_eigenvalue(M, known, lambda f: inverse @ f, 0.0, highest, 8)
+            assert exact[1] * (1.0 - 1e-9) < found < highest  # type: ignore[operator]
 
 
 def test_what_does_not_converge_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -104,6 +104,9 @@ def orthonormal_rows(W: Array, M: Any, Q: Array, MQ: Array) -> tuple[Array, Arra
             kept = squares > 0.5 * squares[-1]
         sizes, V = np.sqrt(np.maximum(squares, np.finfo(float).eps * squares[-1]))[kept], V[:, kept]
         W, MW, R = (V.T @ W) / sizes[:, None], (V.T @ MW) / sizes[:, None], (R @ V) * sizes
+        if taken == 1:  # what has no mass is no more than round-off by M
+            kept = np.linalg.norm(R, axis=0) > DEPENDENT * np.hypot(np.linalg.norm(c), np.linalg.norm(R))
+            W, MW, R = W[kept], MW[kept], R[:, kept]
         if not len(W) or (taken and squares[0] > EVEN * squares[-1]):
             break
     return W, MW, c, R
