@@ -147,6 +147,7 @@ def test_names_that_no_result_has_are_refused_before_anything_is_computed(
     [
         ("life", "takes one [[output]] of type fatigue for forearm; the scene has 0"),
         ("forearm.frequency.0", "no such result"),
+        ("forearm.frequency.²", "no such result"),
         ("gripper.stress", "no such result"),
         ("forearm.stress.x", "no such result"),
     ],

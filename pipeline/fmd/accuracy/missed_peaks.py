@@ -81,10 +81,10 @@ def find_missed_peaks(run: Pipeline, variables_of: Callable[[Motion], Iterable[V
     found: dict[str, MissedPeak] = {}
     if is_too_long(run):
         return found
-    largest = dict.fromkeys(("N", "N m", "m/s^2"), 0.0)
-    at_outputs = np.zeros(len(run.fine_motion.times), dtype=bool)
+    largest, fine = dict.fromkeys(("N", "N m", "m/s^2"), 0.0), run.fine_motion
+    at_outputs = np.zeros(len(fine.times), dtype=bool)
     at_outputs[run.fine_times[1]] = True
-    for first, part in run.fine_motion.parts():
+    for first, part in fine.parts() if not at_outputs.all() else [(0, fine.part(0, 1))]:  # nothing is between
         for variable in variables_of(part):
             peak = found.setdefault(variable.name, MissedPeak(variable.units))
             peak.add(variable.values, part.times, at_outputs[first : first + len(part.times)])

@@ -144,7 +144,7 @@ def _stress(run: Pipeline, body: str, origin: str) -> ResultChannel:
 
 def _frequency(run: Pipeline, name: str, body: str, number: str, origin: str) -> ResultChannel:
     count = len(run.wholes[body].modes.omega)
-    if not number.isdigit() or not 1 <= int(number) <= count:
+    if not number.isdecimal() or not 1 <= int(number) <= count:
         raise InputError(origin, name, None, f"{body} has the modes 1 to {count}")
     return _of_mode(name, body, int(number) - 1)
 
@@ -158,7 +158,7 @@ def _critical_speed(run: Pipeline, name: str, number: list[str], origin: str) ->
     """Return a critical speed, as a Campbell diagram has it; of other runs the one close by, or that of this number."""
     from fmd.output.campbell import find_critical_speed_near, find_critical_speeds
 
-    if len(number) != 1 or not number[0].isdigit() or not int(number[0]):
+    if len(number) != 1 or not number[0].isdecimal() or not int(number[0]):
         raise InputError(origin, name, None, "needs its number, from 1, e.g. critical_speed.1")
 
     def find(other: Pipeline) -> float:

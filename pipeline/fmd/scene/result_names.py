@@ -77,7 +77,7 @@ def _is_of_a_body(scene: Scene, name: str, origin: str) -> bool:
             find_fatigue_output(scene, body, origin)
             return True
         case [body, "frequency", number]:
-            return body in scene.flexible and number.isdigit() and int(number) > 0
+            return body in scene.flexible and number.isdecimal() and int(number) > 0
     return False
 
 

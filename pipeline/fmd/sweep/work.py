@@ -42,10 +42,8 @@ def compute_points(scenes: Mapping[str, Scene], wanted: Wanted = SUMMARY) -> Ite
     with _alone:
         for flexible, alike in groupby(scenes.items(), lambda pair: pair[1].flexible):
             points = dict(alike)
-            if flexible and not (
-                _last and _last[0].scene.flexible == flexible
-            ):  # the others take the first one's bodies
-                first = next(iter(points))
+            if flexible and not (_last and _last[0].scene.flexible == flexible):
+                first = next(iter(points))  # whose bodies the others take
                 yield from _compute_together({first: points.pop(first)}, wanted)
             yield from _compute_together(points, wanted)
 
