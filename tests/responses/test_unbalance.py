@@ -105,6 +105,11 @@ def test_the_critical_speed_of_a_jeffcott_rotor_and_its_amplification(run: Pipel
         # r⁴/((1 − r²)² + 4ζ²r²) is half of its largest value where r⁻² = 1 − 2ζ² ± 2ζ √(1 − ζ²).
         sides = 1 / np.sqrt(1 - 2 * zeta**2 + np.array([1, -1]) * 2 * zeta * np.sqrt(1 - zeta**2))
         assert at.amplification == pytest.approx(1 / np.sqrt(1 - 2 * zeta**2) / np.ptp(sides), rel=1e-5)
+    few = omega * np.array([0.5, 0.99, 1.0, 1.001])  # up to where less than half of the peak's power is gone
+    cut = compute_circular_response(run, "rotor.centre", lambda rate: 1.0, few)
+    assert cut.criticals
+    assert all(np.isnan(at.amplification) for at in cut.criticals)
+    assert all(row["amplification"] is None for row in cut.critical_rows())
 
 
 SHAFT = """

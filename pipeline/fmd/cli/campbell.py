@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -85,7 +85,7 @@ def _print_diagram(diagram: CampbellDiagram) -> None:
 
     n_modes = min(diagram.frequencies_hz.shape[1], CAMPBELL_MODES)
     columns = {diagram.unit: "{:.6g}", **{f"mode {k + 1}": "{}" for k in range(n_modes)}}
-    rows = [
+    rows: list[tuple[Any, ...]] = [
         (
             diagram.in_unit(diagram.rates[k]),
             *(
@@ -96,7 +96,8 @@ def _print_diagram(diagram: CampbellDiagram) -> None:
         for k in range(0, len(diagram.rates), max(1, len(diagram.rates) // CAMPBELL_LINES))
     ]
     print_table(f"{diagram.title} [Hz]", columns, rows)
-    open_console().print("↻ forward, ↺ backward: points whirl in the sense of the rotation, or against it")
+    if any(mark and mark in cell for row in rows for cell in row[1:] for mark in _MARKS.values()):
+        open_console().print("↻ forward, ↺ backward: points whirl in the sense of the rotation, or against it")
     worst = diagram.largest_error(n_modes)
     if worst is None:
         some = f"not each of these {n_modes} has an error, since variants have fewer; campbell.csv has the others'"

@@ -98,9 +98,8 @@ def _print(found: Optimum) -> None:
         for row in summary["results"]
     ]
     print_records(f"Results: {summary['aim']} {summary['results'][0]['name']}", columns, results)
-    open_console().print(
-        f"{summary['designs']} designs; {100 * summary['gradient_left']:.2g} % of the gradient is left"
-    )
+    number = f"{summary['designs']} {'design' if summary['designs'] == 1 else 'designs'}"
+    open_console().print(f"{number}; {100 * summary['gradient_left']:.2g} % of the gradient is left")
     print_warnings(summary["warnings"], "design.json")
 
 

@@ -76,9 +76,10 @@ def unbalance(
     columns = {"marker": "{}", "rpm": "{:.2f}", "± rpm": "{}", "radius [mm]": "{:.4g}", "± mm": "{}"}
     columns["amplification"] = "{:.3g}"
     rows = [
-        (one.marker, one.rate / RPM, _error(one.rate_error, 1 / RPM), 1e3 * one.amplitude, error, one.amplification)
+        (one.marker, one.rate / RPM, _error(one.rate_error, 1 / RPM), 1e3 * one.amplitude, error, factor)
         for one in response.criticals
         for error in [_error(one.amplitude_error, 1e3)]
+        for factor in [None if np.isnan(one.amplification) else one.amplification]
     ]
     if rows:
         print_table(f"{response.title}, largest orbits", columns, rows)

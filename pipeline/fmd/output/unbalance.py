@@ -34,7 +34,8 @@ class Critical:
     marker: str  # ``"body.marker"``
     rate: float  # [rad/s]
     amplitude: float  # radius of its orbit there [m]
-    # The rate over the width of the peak at 0.707 of its height; infinite where that isn't reached on both sides.
+    # The rate over the width of the peak at 0.707 of its height; infinite without damping, no number where that isn't
+    # reached on both sides.
     amplification: float
     rate_error: float | None = None  # stated error [rad/s]
     amplitude_error: float | None = None  # stated error [m]
@@ -199,8 +200,8 @@ def _find_peaks(rates: Array, amplitudes: Array, amplitude: Callable[[float], fl
         ends = (float(rates[k - 1]), float(rates[k + 1]))
         rate, height = _highest(amplitude, *ends)
         sides = [_half_power(amplitude, rate, end, HALF_POWER * height) for end in (rates[0], rates[-1])]
-        width = sides[1] - sides[0] if all(side is not None for side in sides) else 0.0
-        factor = rate / width if width > rate / SHARPEST else np.inf
+        width = sides[1] - sides[0] if all(side is not None for side in sides) else np.nan
+        factor = np.inf if width <= rate / SHARPEST else rate / width
         found.append(Critical(name, rate, height, factor))
     return found
 
