@@ -94,8 +94,8 @@ def test_results_by_name_are_those_of_the_summary_and_nothing_else_is_computed()
         ((_, record),) = compute_points({point_key(point): point}, Wanted(results=names, histories=True))
         assert "integrations" not in record.summary
         (solved,) = work._last
-        assert {"motion", "equations", "fine motion", "stability"} & {*solved.results} >= stages
-        assert "fine motion" not in solved.results
+        assert {"motion", "equations", "stability"} & {*solved.results} >= stages
+        assert bool(stages) == ("fine motion" in solved.results)  # a largest stress may lie between output times
         assert bool(stages) == ("motion" in solved.results) == ("times_s" in record.summary)
         found = {name: own["value"] for each in record.summary["results"].values() for name, own in each.items()}
         expected = {

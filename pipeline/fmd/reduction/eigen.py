@@ -147,14 +147,15 @@ class FreeBodySolver:
         n_vectors = max(2 * count, count + 20)
         if n_vectors < (DENSE_FROM * room if self.shift < 0.0 and n <= MOST_DENSE else room):  # without, K has hinges
             eigenvalues, Phi = self._elastic_pairs(count, n_vectors, room, Z, inverse)
-            eigenvalues = np.concatenate([np.einsum("ij,ij->j", Z, self._K @ Z), eigenvalues])
-            Phi = np.concatenate([Z, Phi], axis=1)
         else:
-            N = null_space(B.T) if B.shape[1] else np.eye(n)
+            held = np.concatenate([B, self._M @ Z], axis=1)
+            N = null_space((held / np.linalg.norm(held, axis=0)).T) if held.shape[1] else np.eye(n)
             mass, last = N.T @ (self._M @ N), N.shape[1] - 1
             shifted = N.T @ (self._K @ N) - self.shift * mass  # definite, which light parts may leave no mass matrix
-            theta, Phi = eigh(mass, shifted, subset_by_index=(last + 1 - count - Z.shape[1], last))
+            theta, Phi = eigh(mass, shifted, subset_by_index=(last + 1 - count, last))
             eigenvalues, Phi = 1.0 / theta + self.shift, N @ Phi / np.sqrt(theta)
+        eigenvalues = np.concatenate([np.einsum("ij,ij->j", Z, self._K @ Z), eigenvalues])
+        Phi = np.concatenate([Z, Phi], axis=1)
         order = np.argsort(eigenvalues)
         return self._verified_pairs(eigenvalues[order], Phi[:, order], Z.shape[1], inverse)
 
