@@ -28,9 +28,9 @@ class Coordinates:
         Those that vary, each once: signal k has its value, rate and acceleration at 3 k, 3 k + 1 and 3 k + 2 of the
         argument ``inputs``.
     numbers : dict
-        Springs, rests and dampers of joints by body and name, but for those that are 0, and held values by body -1 and
-        their number; they come after the signals in the argument ``inputs``, so that other ones take no other code.
-        Of a mechanism that is lifted also `constants_of_bodies`.
+        Springs, rests and dampers of joints by body and name, but for those that are 0, `constants_of_bodies` of a
+        mechanism that is lifted, and last held values by body -1 and their number; they come after the signals in the
+        argument ``inputs``, so that other ones take no other code.
     threshold : float
         Share of its natural scale below which an entry of the mechanism's constants is round-off; see `cleaning`.
     """
@@ -42,9 +42,10 @@ class Coordinates:
         signals = [link.motion or link.load for link in mechanism.links] + [load.size for load in mechanism.loads]
         signals += [signal for effort in mechanism.functions for signal in effort.signals]
         self.signals = tuple(dict.fromkeys(signal for signal in signals if constant_value(signal) is None))
-        self.numbers = _joint_numbers(mechanism) | {(-1, f"held {at.number}"): at.initial for at in mechanism.held}
+        self.numbers = _joint_numbers(mechanism)
         if mechanism.lifted:
             self.numbers |= {key: value for key, value in constants_of_bodies(mechanism).items() if value}
+        self.numbers |= {(-1, f"held {at.number}"): at.initial for at in mechanism.held}
         self._places = {key: 3 * len(self.signals) + k for k, key in enumerate(self.numbers)}
 
     def joint_positions(self, body: int) -> list[Scalar]:
