@@ -16,7 +16,7 @@ from fmd.stages.pipeline import RUN_STAGES
 
 # Stages of a scene without pieces that run in each process.
 NEVER_KEPT = {stage.name for stage in RUN_STAGES.values() if stage.inputs is None}
-NEVER_KEPT -= {"pieces", "periodic motion", "contact stress"}
+NEVER_KEPT -= {"pieces", "periodic motion", "Floquet multipliers", "contact stress"}
 QUICK = ["--set", "body.beam.mesh.divisions=[24, 2, 1]", "--set", "simulation.duration=50 ms"]
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from fmd.accuracy.response_errors import BandErrors
     from fmd.responses.model_reduction import ReducedModel
     from fmd.responses.state_space import StateSpace
+    from fmd.stages.linear_model import LinearModel
 
 
 def linearise(
@@ -65,28 +66,41 @@ def linearise(
     linear = linearise_scene(run, inputs, outputs, about)
     whole, reduced = linear, reduce_states(linear.model, order, error)
     if reduced is not None:
-        n_states, linear = len(linear.model.states), replace(linear, model=reduced.model)
+        linear = replace(linear, model=reduced.model)
     request = (inputs, outputs, about)
     errors = None if no_budget else estimate_band_errors(run, whole, request, None if reduced is None else linear)
     where = folder or Path("out") / run.scene.name
     files = write_model(linear, where, (".npz", ".mat") if format_ is None else (f".{format_}",), errors)
-    model = linear.model
     if options.json:
-        channels: dict[str, Any] = {
-            kind: [{"name": channel.name, "unit": channel.unit} for channel in getattr(model, kind)]
-            for kind in ("states", "inputs", "outputs")
-        }
-        poles = {"poles_hz": model.poles_hz.tolist(), "damping": model.damping.tolist()}
-        if reduced is not None:
-            channels["reduction"] = {"states_of_whole": n_states, "error": reduced.error, "bound": reduced.bound}
-        held: dict[str, Any] = {"holds_to_hz": linear.holds_to_hz, "warnings": linear.warnings, "files": files}
-        if errors is not None:
-            stated = {"edges_hz": errors.edges_hz.tolist(), "of_largest": errors.shares.tolist()}
-            held["errors"] = {"why": errors.why} if errors.why else stated
-        print_json({**channels, "about": linear.about, **poles, **held})
+        print_json(_summarise(linear, reduced, len(whole.model.states), errors) | {"files": files})
         return
+    _print_model(linear, reduced, len(whole.model.states), errors)
+    print_files(where, files)
+
+
+def _summarise(
+    linear: LinearModel, reduced: ReducedModel | None, n_states: int, errors: BandErrors | None
+) -> dict[str, Any]:
+    """Return a model's channels, poles and errors as plain numbers; so many states it had before reduction."""
+    model = linear.model
+    found: dict[str, Any] = {
+        kind: [{"name": channel.name, "unit": channel.unit} for channel in getattr(model, kind)]
+        for kind in ("states", "inputs", "outputs")
+    }
+    if reduced is not None:
+        found["reduction"] = {"states_of_whole": n_states, "error": reduced.error, "bound": reduced.bound}
+    found |= {"about": linear.about, "poles_hz": model.poles_hz.tolist(), "damping": model.damping.tolist()}
+    found |= {"holds_to_hz": linear.holds_to_hz, "warnings": linear.warnings}
+    if errors is not None:
+        stated = {"edges_hz": errors.edges_hz.tolist(), "of_largest": errors.shares.tolist()}
+        found["errors"] = {"why": errors.why} if errors.why else stated
+    return found
+
+
+def _print_model(linear: LinearModel, reduced: ReducedModel | None, n_states: int, errors: BandErrors | None) -> None:
+    """Print a model's channels, and how far it holds; so many states it had before reduction."""
     for kind in ("inputs", "outputs", "states"):
-        rows = [(k, channel.name, channel.unit) for k, channel in enumerate(getattr(model, kind), start=1)]
+        rows = [(k, channel.name, channel.unit) for k, channel in enumerate(getattr(linear.model, kind), start=1)]
         print_table(f"{kind.capitalize()} about {linear.about}", {"number": "{}", "name": "{}", "unit": "{}"}, rows)
     if reduced is not None:
         open_console().print(
@@ -100,7 +114,6 @@ def linearise(
     if errors is not None:
         open_console().print(_describe_errors(errors))
     print_warnings(linear.warnings)
-    print_files(where, files)
 
 
 def _describe_errors(errors: BandErrors) -> str:

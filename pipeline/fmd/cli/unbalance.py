@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +13,9 @@ from fmd.cli.options import Flag, Folder, SceneName, print_json
 from fmd.cli.tables import open_console, print_files, print_table, print_warnings
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.units import parse_quantity
+
+if TYPE_CHECKING:
+    from fmd.output.unbalance import CircularResponse
 
 
 def unbalance(
@@ -48,22 +53,11 @@ def unbalance(
     highest = read_quantity("--to", to, "angular rate", above_zero=True)
     if not 3 <= points <= 100_000:
         raise InputError("--points", "", points, "must be 3 … 100000")
-    if bool(of) == bool(force):
-        mend = "can't stand beside --force" if of else "give an unbalance, e.g. '500 g mm', or --force, e.g. '10 N'"
-        raise InputError("--of", "", of, mend)
-    if of and order != 1.0:
-        raise InputError("--order", "", order, "belongs to --force: an unbalance goes round with the rotor")
-    size = _read(of, "--of", "kg*m", "an unbalance such as '500 g mm'") if of else 0.0
-    constant = read_quantity("--force", force, "force", above_zero=True) if force else 0.0
-    from fmd.output.campbell import RPM
+    goes_round = _read_forcing(of, force, order)
     from fmd.output.unbalance import compute_circular_response, with_orbit_errors, write_circular_response
 
     pipeline = options.solve(scene)
     rates = highest * np.arange(1, points + 1) / points
-
-    def goes_round(rate: float) -> float:
-        return constant + size * rate**2
-
     response = compute_circular_response(pipeline, at, goes_round, rates, order)
     if not no_budget:
         response = with_orbit_errors(response, pipeline, at, goes_round, order)
@@ -73,6 +67,29 @@ def unbalance(
         found = {"rows": response.rows(), "criticals": response.critical_rows()}
         print_json({**found, "warnings": list(response.warnings), "files": files})
         return
+    _print_orbits(response, to)
+    print_warnings(response.warnings)
+    print_files(folder, files)
+
+
+def _read_forcing(of: str, force: str, order: float) -> Callable[[float], float]:
+    """Return the size of the force that goes round [N] at a rate of rotation [rad/s], of which one must be given."""
+    if bool(of) == bool(force):
+        mend = "can't stand beside --force" if of else "give an unbalance, e.g. '500 g mm', or --force, e.g. '10 N'"
+        raise InputError("--of", "", of, mend)
+    if force:
+        constant = read_quantity("--force", force, "force", above_zero=True)
+        return lambda rate: constant
+    if order != 1.0:
+        raise InputError("--order", "", order, "belongs to --force: an unbalance goes round with the rotor")
+    size = _read(of, "--of", "kg*m", "an unbalance such as '500 g mm'")
+    return lambda rate: size * rate**2
+
+
+def _print_orbits(response: CircularResponse, to: str) -> None:
+    """Print the largest orbits with their errors, or that there are none below the highest rate of rotation."""
+    from fmd.output.campbell import RPM
+
     columns = {"marker": "{}", "rpm": "{:.2f}", "± rpm": "{}", "radius [mm]": "{:.4g}", "± mm": "{}"}
     columns["amplification"] = "{:.3g}"
     rows = [
@@ -89,8 +106,6 @@ def unbalance(
         open_console().print(text, soft_wrap=True)
     if isinstance(response.errors, str):
         open_console().print(f"errors not stated: {response.errors}", soft_wrap=True)
-    print_warnings(response.warnings)
-    print_files(folder, files)
 
 
 def _error(size: float | None, factor: float) -> str:

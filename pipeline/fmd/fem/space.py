@@ -123,7 +123,7 @@ class Discretisation:
 
     @cached_property
     def stressed(self) -> Discretisation:
-        """It with strains that give the body's stress, those at a section's own points in place of its drawing's.
+        """The same elements with strains that give stress: those at a section's own points in place of its drawing's.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What a fit of a scene's numbers to measurements has found: values, intervals, and what speaks against them."""
+"""Result of a fit of a scene's numbers to measurements: values, intervals, and what speaks against them."""
 
 from __future__ import annotations
 

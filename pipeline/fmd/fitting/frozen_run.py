@@ -34,7 +34,7 @@ from fmd.stages.runs import plan_frozen
 
 
 class Change(NamedTuple):
-    """What a number changes of a run beside inputs of its equations."""
+    """Parts of a run that a number changes beside inputs of its equations."""
 
     solves: bool  # what modes of a body depend on
     lifts: bool  # only what lifted equations take as inputs

@@ -33,7 +33,7 @@ def interpolate_models(
     if inside := [at for at in bends if start < at < end]:
         return _join(model, start, inside[len(inside) // 2], end, inside)
     middle, half = 0.5 * (start + end), 0.5 * (end - start)
-    if half < NARROWEST_PANEL * abs(end):
+    if half <= NARROWEST_PANEL * abs(end):
         return partial(matrices_of, model)
     nodes = [model(middle + half * x) for x in _NODES]
     A, C = np.array([at.A for at in nodes]), np.array([at.C for at in nodes])
