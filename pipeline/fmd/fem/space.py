@@ -123,7 +123,7 @@ class Discretisation:
 
     @cached_property
     def stressed(self) -> Discretisation:
-        """The same elements with strains that give stress: those at a section's own points in place of its drawing's.
+        """Elements with the strains that give stress: those at a section's own points in place of its drawing's.
 
         Raises
         ------
