@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from fmd.accuracy.contact_errors import CONTACT_ERRORS
+from fmd.accuracy.contact_errors import ContactError
 from fmd.core.arrays import Array
 from fmd.core.limits.contact import FEW_ON_MESH, FEW_POINTS, LOST_ENERGY, UNSEEN_DEPTH
 from fmd.core.limits.errors import SAFETY
@@ -48,7 +48,6 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
 
     found += [{"code": "contact-material", "text": text} for text in material_faults(run)]
     found += [{"code": "contact-facing", "text": text} for text in facing_faults(run.motion)]
-    found += [{"code": "contact-step", "text": text} for text in _step_faults(run)]
     for motion in run.motions.values():
         for name, own in motion.contacts.items():
             part = own.lost_part(motion.energies[0])
@@ -82,18 +81,19 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
     return found
 
 
-def _step_faults(run: Pipeline) -> Iterator[str]:
-    """Yield which contacts' impulses and largest forces are known to less than `auto` was asked for, by the step."""
-    wanted = run.scene.simulation.error
-    errors = run.results.get(CONTACT_ERRORS, {}) if run.scene.refines_contacts else {}
-    for name, own in errors.items():
+def contact_step_warnings(run: Pipeline, errors: Mapping[str, Mapping[str, ContactError]]) -> list[dict[str, str]]:
+    """Warn of contacts whose impulse or largest force is known to less than ``"auto"`` was asked for, by the step."""
+    wanted, found = run.scene.simulation.error, []
+    for name, own in errors.items() if run.scene.refines_contacts else ():
         for key, word in (("impulse_n_s", "impulse"), ("largest_force_n", "largest force")):
             part, size = own[key].parts["step"], float(np.linalg.norm(own[key].value))
             if isinstance(part, float) and part > SAFETY * wanted * size:
-                yield (
+                text = (
                     f"contact.{name}: halvings of the step have brought its {word} to {100 * part / size:.2g} %, not "
                     f"to the {100 * wanted:.2g} % of simulation.error; it changes by chance, or takes a step of yours"
                 )
+                found.append({"code": "contact-step", "text": text})
+    return found
 
 
 def _grid_faults(motion: Motion) -> Iterator[str]:

@@ -17,7 +17,7 @@ from fmd.accuracy.uncertain_results import uncertain_warnings
 from fmd.core.limits.errors import MORE_TIME, SAFETY, TOO_LARGE
 from fmd.core.limits.mesh import PIECES_DEFLECTIONS, PIECES_FREQUENCIES
 from fmd.core.version import __version__
-from fmd.output.contacts import contact_figures, contact_warnings
+from fmd.output.contacts import contact_figures, contact_step_warnings, contact_warnings
 from fmd.output.explain import STAGES
 from fmd.output.figure_errors import figure_errors
 from fmd.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
@@ -98,6 +98,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         of_contacts = contact_errors(run, budget_seconds)
         rows = {name: {key: error.summary() for key, error in own.items()} for name, own in of_contacts.items()}
         summary["contact_errors"] = rows
+        summary["warnings"] += contact_step_warnings(run, of_contacts)
     for output in run.scene.output:
         if summarise_output := kind_of(output).summarise:
             for key, values in summarise_output(run, output).items():
