@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +27,6 @@ from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
 from fmd.accuracy.truncation import compare_bases, reactions_of_other_loops
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.interruption import interrupted_by
 from fmd.core.limits import errors as limits
 from fmd.integrators.march_pairs import motion_difference
 from fmd.recovery.stress import excess_in_middle, von_mises
@@ -109,7 +107,7 @@ class Estimates(Comparison):
     def _within_limit(self, source: str, estimate: Callable[[], dict[str, float | str]]) -> dict[str, float | str]:
         """Return a source's estimates; if the time limit or a march leaves them out, the reason for each quantity."""
         try:
-            with self.run.store.monitor(f"error budget: {source}"), interrupted_by(partial(self.limit.require, 0.0)):
+            with self.run.store.monitor(f"error budget: {source}"), self.limit.ends_searches():
                 return estimate()
         except LeftOutError as left_out:
             why = str(left_out)

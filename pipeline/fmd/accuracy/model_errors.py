@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +28,6 @@ from fmd.accuracy.deflection import (
 from fmd.accuracy.quantities import find_counterparts
 from fmd.accuracy.time_limit import FAULTS, LeftOutError
 from fmd.core.arrays import Array
-from fmd.core.interruption import interrupted_by
 from fmd.core.limits import errors as limits
 from fmd.scene.variants import attach_roots_rigidly, damp_bodies
 from fmd.stages.division import part_of
@@ -125,7 +123,7 @@ class ModelErrors:
         )
         for cause, estimate, text, counted in causes:
             try:
-                with interrupted_by(partial(self._comparison.limit.require, 0.0)):
+                with self._comparison.limit.ends_searches():
                     errors = estimate()
             except LeftOutError as why:
                 self.left_out.append(f"{cause}: {why}")

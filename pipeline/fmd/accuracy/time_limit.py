@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from fmd.core.errors import AccuracyError, InputError
+from fmd.core.interruption import interrupted_by
 from fmd.core.limits.patience import JUDGED_AFTER
 
 FAULTS = (AccuracyError, InputError, np.linalg.LinAlgError)
@@ -44,6 +46,10 @@ class TimeLimit:
         left = self.seconds - self.spent
         if seconds > left or left <= 0:
             raise LeftOutError(f"not estimated: {TIME_IS_SHORT} {self.seconds:.2g} s")
+
+    def ends_searches(self) -> AbstractContextManager[None]:
+        """Return a context in which searches end with ``LeftOutError`` once no time is left."""
+        return interrupted_by(lambda: self.require(0.0))
 
     def watch(self) -> Callable[[float], None]:
         """Return a march's progress, which raises ``LeftOutError`` as soon as it won't end in time.

@@ -13,6 +13,7 @@ from fmd.core.errors import AccuracyError
 from fmd.core.limits import errors as limits
 from fmd.core.limits.stability import SURELY_STABLE
 from fmd.integrators.runge_kutta import RungeKutta
+from fmd.stages.pipeline import Pipeline
 from fmd.stages.runs import plan_like
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from fmd.accuracy.quantities import Quantities
     from fmd.core.arrays import Array
     from fmd.recovery.motion import Motion
-    from fmd.stages.pipeline import Pipeline
     from fmd.stages.plan import Plan
 
 
@@ -122,8 +122,8 @@ def _begin_alike(of: Comparison, rich: Pipeline, plan: Plan) -> Plan:
     found = find_periodic_start(of.run.divided_scene, of.run.system, plan.integrator)
     of.limit.require((rich.system.n / of.run.system.n) ** 2 * (of.limit.spent - begun))
     theirs = find_periodic_start(rich.divided_scene, rich.system, plan.integrator)
-    rich.results[type(rich).periodic.name] = theirs
-    rich.results.pop(type(rich).start.name, None)
+    rich.results[Pipeline.periodic.name] = theirs
+    rich.results.pop(Pipeline.start.name, None)
     return replace(plan, start=(found.q, found.v))
 
 
@@ -167,7 +167,7 @@ def _comparable(of: Comparison, rich: Pipeline) -> tuple[Plan, Motion | None]:
 
 def require_start(of: Comparison, rich: Pipeline) -> None:
     """Raise ``LeftOutError`` if the search for a richer model's periodic motion would take longer than is left."""
-    if of.run.scene.repeats and "periodic motion" not in rich.results:
+    if of.run.scene.repeats and Pipeline.periodic.name not in rich.results:
         found = of.run.periodic
         periods = found.marches * found.period / float(of.run.output_times[-1])
         of.limit.require(

@@ -83,9 +83,9 @@ def closing_reactions(
     """Compute force [N] and moment [N m] of each joint that closes a loop on its parent and child, (n_times, 2, 6).
 
     They are in space, about the joint's place on each, by the joints' names. Where constraints are redundant, no motion
-    tells how joints share their load; the smallest multipliers are taken. Positions (n_times,
-    n_positions) and rates (n_times, n) at times [s] close the loops; contacts push bodies' frames, in their axes, and
-    modes: ``pushes``, (n_times, n_bodies, 6) and (n_times, n).
+    tells how joints share their load; the smallest multipliers are taken. Positions (n_times, n_positions) and rates
+    (n_times, n) at times [s] close the loops; contacts push bodies' frames, in their axes, and modes: ``pushes``,
+    (n_times, n_bodies, 6) and (n_times, n).
     """
     multipliers = np.zeros((len(times), 0))
     if mechanism.closing_joints:

@@ -125,27 +125,21 @@ class Changed:
         return getattr(self.of, name)
 
 
-@dataclass(frozen=True)
-class EvenSection(Changed):
-    """A section whose strains of shear and twist are even over it, with its own energies: interpolation keeps those."""
+class EvenStrains:
+    """Strains of shear and twist that are even over a section, with the energies that it has."""
 
-    def shear_shapes(self, yz: Array, nu: float) -> Array:
+    def shear_shapes(self: Any, yz: Array, nu: float) -> Array:
         """Return shear strain along y and z at places (…, 2) over the mean."""
-        return _even_shear(self, yz, nu)
+        return np.broadcast_to(np.sqrt(self.shear_areas(nu)), yz.shape)
 
-    def twisting(self, yz: Array) -> Array:
+    def twisting(self: Any, yz: Array) -> Array:
         """Return factors (…, 1), at places (…, 2), of the strain of a twist without warping."""
-        return _even_twist(self, yz)
+        return np.full((*yz.shape[:-1], 1), np.sqrt(self.torsion / self._drawn()[1:].sum()))
 
 
-def _even_shear(section: Any, yz: Array, nu: float) -> Array:
-    """Return even factors of shear, whose energy is that of the shear areas."""
-    return np.broadcast_to(np.sqrt(section.shear_areas(nu)), yz.shape)
-
-
-def _even_twist(section: Any, yz: Array) -> Array:
-    """Return even factors of the strain of a twist."""
-    return np.full((*yz.shape[:-1], 1), np.sqrt(section.torsion / section._drawn()[1:].sum()))
+@dataclass(frozen=True)
+class EvenSection(EvenStrains, Changed):
+    """A section whose strains of shear and twist are even over it: interpolation keeps those."""
 
 
 @dataclass(frozen=True)
@@ -193,7 +187,7 @@ class WalledSection(Section):
 
 
 @dataclass(frozen=True)
-class NumberedSection(Section):
+class NumberedSection(EvenStrains, Section):
     """A section by its numbers: rectangular tubes within one another, of its area and its moments of inertia.
 
     Their corners aren't those of the section, whose stress is that at points of its own. Strains of shear and twist
@@ -207,14 +201,6 @@ class NumberedSection(Section):
     def shear_areas(self, nu: float) -> Array:
         """Return the shares as they are given."""
         return self.shares
-
-    def shear_shapes(self, yz: Array, nu: float) -> Array:
-        """Return shear strain along y and z at places (…, 2) over the mean."""
-        return _even_shear(self, yz, nu)
-
-    def twisting(self, yz: Array) -> Array:
-        """Return factors (…, 1), at places (…, 2), of the strain of a twist without warping."""
-        return _even_twist(self, yz)
 
     def forced(self) -> ForcedSection:
         """Return the section with the strain of shear that gives its force, not its energy."""

@@ -125,8 +125,7 @@ def constrained_stiffness(
     """Find the lowest stiffness of a mechanism with loops or force elements at a moment of its rigid motion.
 
     The system's bodies are stiffened; loads on bodies over the motion are by their numbers. The moment is number k
-    among theirs, at time t [s], with positions of `Mechanism.rigid`, the mechanism
-    with all bodies rigid.
+    among theirs, at time t [s], with positions of `Mechanism.rigid`.
     """
     from scipy.linalg import eigh
 
