@@ -246,10 +246,11 @@ def _sample_within(m: CarriedSteps, p: Any, done: int, s: float, q: Array, v: Ar
         q[i] = m.q_now[i]
     for i in range(v.size):  # Taylor's polynomial, which the next step continues
         step, ahead = (H, s + done * m.h) if i < m.n_slow else (m.h, s)
-        m.v_now[i] -= 0.5 * (step - ahead) * m.a_now[i]
-        v[i] = m.v_now[i] + 0.5 * ahead * m.a_now[i]
-    advance(p, q, m.v_now, s + done * m.h, 0, m.n_slow)
-    advance(p, q, m.v_now, s, m.n_slow, v.size)
+        v[i] = m.v_now[i] - 0.5 * (step - ahead) * m.a_now[i]
+    advance(p, q, v, s + done * m.h, 0, m.n_slow)
+    advance(p, q, v, s, m.n_slow, v.size)
+    for i in range(v.size):
+        v[i] += 0.5 * (s + done * m.h if i < m.n_slow else s) * m.a_now[i]
 
 
 @end_cycle.register(CarriedSteps)
