@@ -246,6 +246,39 @@ def test_the_best_of_several_searches_is_taken_and_a_front_has_the_warnings_of_b
     assert "frequency.1" in texts[-1]
 
 
+def test_several_searches_pass_a_resonance_at_which_one_ends() -> None:
+    """A bar on a spring is turned to and fro, and bends least far from its resonance, most so with the stiff spring.
+
+    With little damping a turn is 1/(1 − k/Jω²) times that of the free bar: 1.25 at one bound and 1/3 at the other.
+    """
+    inertia, omega = 7850.0 * 0.4 * 0.02 * 0.03 * 0.4**2 / 3.0, 100.0
+    unit = inertia * omega**2
+    hinge = {"type": "revolute", "parent": "ground", "child": "bar.end", "axis": [0, 0, 1]}
+    turn = {"formula": f"10*sin({omega}*t)", "unit": "N m"}
+    table = copy.deepcopy(BAR) | {
+        "joint": {"hinge": {**hinge, "spring": 0.5 * unit, "damper": 0.3 * inertia * omega}},
+        "drive": {"turn": {"type": "torque", "joint": "hinge", "torque": turn}},
+        "simulation": {
+            "duration": 0.3,
+            "output_step": 2e-3,
+            "tip": "bar.tip",
+            "run": [{"integrator": "central-difference", "step": 1e-4}],
+        },
+    }
+    modes = {"count": 1, "family": "in-plane bending", "boundary": "joint", "enrich": "none", "damping": 0.05}
+    table["body"]["bar"] |= {"mesh": {"divisions": [2, 1, 1]}, "modes": modes}
+    run = package.load(table).run
+    varied = read_varied(run, [f"joint.hinge.spring={0.2 * unit}..{4.0 * unit}"])
+    one, several = (optimise_scene(run, "tip", (), varied, starts=starts) for starts in (1, 3))
+    assert (one.at_bounds, several.at_bounds) == (-1.0, 1.0)
+    stiffness = np.geomspace(0.2, 4.0, 11)
+    tips = [one.space.at(np.array([varied[0].to_share(x * unit)])).results[0] for x in stiffness]
+    assert 3 < int(np.argmax(tips)) < 8  # at the resonance, 1
+    assert several.design.results[0] == pytest.approx(min(tips), rel=1e-9)
+    assert one.design.results[0] == pytest.approx(tips[0], rel=1e-9)
+    assert one.design.results[0] > 1.5 * several.design.results[0]
+
+
 @pytest.mark.parametrize(("low", "high", "depth"), [(0.4, 0.8, 16.0), (0.7, 1.5, 10.0)])
 def test_a_frequency_is_kept_out_of_a_band_on_its_better_side(low: float, high: float, depth: float) -> None:
     """It goes with the depth, 20 mm at the start: no bar is below the first band, the lightest is below the second."""

@@ -65,13 +65,9 @@ def fit(
     if starts is not None and starts < 1:
         raise InputError("--starts", "", starts, "must be 1 or more")
     run = settle(options.open(scene, linear=True))
-    table, folder = run.scene.fit or FitTable(), Path(run.scene.file).parent
-    files = to or [each.text(str(folder / each.file)) for each in table.experiment]
-    if not files:
-        mend = "is missing: a file of measurements, here or in the scene, [[fit.experiment]]"
-        raise InputError("--to", "", None, mend)
+    table = run.scene.fit or FitTable()
     varied = read_varied(run, split_names("--vary", vary or table.vary), split_names("--prior", prior or table.prior))
-    runs = [_open_experiment(run, scene, options, text, [each.parameter.key for each in varied]) for text in files]
+    runs = _open_experiments(run, scene, options, to, [each.parameter.key for each in varied])
     experiments = read_experiments(runs, dict(map(_read_sigma, split_names("--sigma", sigma or table.sigma))))
     histories = [channel.name for each in experiments if each.in_time for channel in each.channels]
     varied += read_shifts(split_names("--shift", shift or table.shift), histories)
@@ -84,6 +80,18 @@ def fit(
     else:
         _print(found)
         print_files(folder, written)
+
+
+def _open_experiments(
+    run: Pipeline, scene: str, options: Options, to: Sequence[str] | None, varied: Sequence[str]
+) -> list[tuple[Pipeline, str]]:
+    """Return stages and file of each experiment, of the command or, if it names none, of the scene."""
+    experiments, folder = (run.scene.fit or FitTable()).experiment, Path(run.scene.file).parent
+    files = to or [each.text(str(folder / each.file)) for each in experiments]
+    if not files:
+        mend = "is missing: a file of measurements, here or in the scene, [[fit.experiment]]"
+        raise InputError("--to", "", None, mend)
+    return [_open_experiment(run, scene, options, text, varied) for text in files]
 
 
 def _open_experiment(

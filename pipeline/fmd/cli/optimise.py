@@ -53,35 +53,35 @@ def optimise(
     from fmd.fitting.varied import read_varied
     from fmd.scene.result_names import require_results
 
-    signed = ((minimise or [], 1), (maximise or [], -1))
-    aims = [(name, sign) for given, sign in signed for name in given]
-    if len(aims) not in (1, 2):
-        raise InputError("--minimise", "", None, "one result, or two for their front, e.g. --minimise mass")
-    if points is not None and (len(aims) != 2 or points < 3):
-        raise InputError("--points", "", points, "must be 3 or more, and belongs to two aims")
-    if starts < 1:
-        raise InputError("--starts", "", starts, "must be 1 or more")
+    aims = [(name, sign) for given, sign in ((minimise, 1), (maximise, -1)) for name in given or []]
+    _check(aims, points, starts)
     run = settle(options.open(scene))
     require_results(run.scene, [name for name, _ in aims], "--minimise, --maximise")
     limits = read_limits(run, split_names("--subject", subject or []))
     varied = read_varied(run, split_names("--vary", vary))
-    folder, given = out or Path("out") / f"{run.scene.name}-design", options.set_ or ()
     if len(aims) == 2:
         found = find_front(run, (aims[0], aims[1]), limits, varied, points or FRONT, starts)
         write = partial(write_front, found, title=f"{run.scene.title}: front")
     else:
         found = [optimise_scene(run, aims[0][0], limits, varied, aims[0][1], starts)]
         write = partial(write_design, found[0])
+    folder = out or Path("out") / f"{run.scene.name}-design"
     with refusing("--out", folder):
-        files = write(folder, scene, given)
+        files = write(folder, scene, options.set_ or ())
     if options.json:
         print_json({"scene": run.scene.name, "designs": [each.summary() for each in found], "files": files})
-        return
-    if len(found) == 1:
-        _print(found[0])
     else:
-        _print_front(found)
-    print_files(folder, files)
+        _print_front(found) if len(found) > 1 else _print(found[0])
+        print_files(folder, files)
+
+
+def _check(aims: list[tuple[str, int]], points: int | None, starts: int) -> None:
+    if len(aims) not in (1, 2):
+        raise InputError("--minimise", "", None, "one result, or two for their front, e.g. --minimise mass")
+    if points is not None and (len(aims) != 2 or points < 3):
+        raise InputError("--points", "", points, "must be 3 or more, and belongs to two aims")
+    if starts < 1:
+        raise InputError("--starts", "", starts, "must be 1 or more")
 
 
 def _print(found: Optimum) -> None:
