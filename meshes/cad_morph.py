@@ -6,8 +6,6 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-import scipy.sparse
-import scipy.sparse.linalg
 from numpy.typing import NDArray
 
 from fmd.meshes.cad_child import CadError
@@ -149,9 +147,11 @@ def _extend(
     nodes, number = np.unique(simplices, return_inverse=True)
     free = ~known[nodes]
     if free.any() and not free.all():
+        from scipy.sparse.linalg import spsolve  # loaded where it is used: most children of Gmsh need none of SciPy
+
         K = _laplacian(points[nodes], number.reshape(simplices.shape))
         inner = K[free]
-        inside = scipy.sparse.linalg.spsolve(inner[:, free].tocsc(), -inner[:, ~free] @ move[nodes[~free]])
+        inside = spsolve(inner[:, free].tocsc(), -inner[:, ~free] @ move[nodes[~free]])
         move[nodes[free]] = inside.reshape(-1, 3)
     middles = own[(ends[own, 0] >= 0) & ~known[own]]
     move[middles] = move[ends[middles]].mean(axis=1)
@@ -159,6 +159,8 @@ def _extend(
 
 def _laplacian(x: Floats, simplices: Numbers) -> Any:
     """Return the conductivity of linear triangles or tetrahedra in space, times a constant."""
+    from scipy.sparse import csr_array
+
     edges = x[simplices[:, 1:]] - x[simplices[:, :1]]
     metric = edges @ edges.transpose(0, 2, 1)
     reference = np.vstack([-np.ones(edges.shape[1]), np.eye(edges.shape[1])])
@@ -166,7 +168,7 @@ def _laplacian(x: Floats, simplices: Numbers) -> Any:
     K = np.sqrt(np.linalg.det(metric))[:, None, None] * K
     n = simplices.shape[1]
     rows, columns = np.repeat(simplices, n, axis=1).ravel(), np.tile(simplices, (1, n)).ravel()
-    return scipy.sparse.csr_array((K.ravel(), (rows, columns)), shape=(len(x), len(x)))
+    return csr_array((K.ravel(), (rows, columns)), shape=(len(x), len(x)))
 
 
 def _require_sound(points: Floats, moved: Floats, cells: Numbers) -> None:
