@@ -48,23 +48,12 @@ def mesh_cad(
     sector: tuple[int, str, str] | None = None,
     script: ScriptValues | None = None,
 ) -> CadMesh:
-    """Mesh the solids in a CAD file; solids that touch share their nodes.
+    """Mesh the solids in a CAD file (STEP, IGES, BREP, or a script of Gmsh); solids that touch share their nodes.
 
-    Parameters
-    ----------
-    path : Path
-        STEP, IGES, BREP, or a script of Gmsh.
-    size : float
-        Edge length of the elements [m], smaller around bores and fillets.
-    order : int
-        1, or 2 for edges that follow curved faces.
-    begin : callable
-        Called with the number of elements that are expected, before the mesh is made.
-    sector : tuple, optional
-        Number of sectors around z in the whole body, and the names of the two faces of this one that a turn carries
-        into each other; they are meshed alike.
-    script : ScriptValues, optional
-        Unit and dimensions of a script.
+    Edges have a size [m], smaller around bores and fillets, and order 1, or 2 to follow curved faces. ``begin`` is
+    called with the number of elements that are expected, before the mesh is made. A sector has the number of those
+    around z in the whole body, and the names of two faces of this one that a turn carries into each other; they are
+    meshed alike. A script has its unit and dimensions.
 
     Raises
     ------
@@ -108,23 +97,10 @@ def mesh_sheet(
 ) -> None:
     """Mesh the surfaces in a CAD file, or the midsurface of its solid, with quadrilaterals, and write Gmsh's own file.
 
-    Surfaces that touch share nodes.
-
-    Physical groups are the surfaces, by number ``face-1`` …, name and colour, and the curves that bound one surface
-    alone, ``edge-1`` ….
-
-    Parameters
-    ----------
-    path : Path
-        STEP, IGES or BREP.
-    size : float
-        Edge length of the elements [m], smaller where curves are round.
-    thickness : float
-        Of the solid's walls [m].
-    target : Path
-        The ``.msh`` file; of a solid a ``.json`` is beside it, as `_replace_solid` returns.
-    begin : callable
-        Called with the number of elements that are expected, before the mesh is made.
+    Surfaces that touch share nodes. Edges have a size [m], smaller where curves are round, a solid's walls a thickness
+    [m]. Physical groups are the surfaces, by number ``face-1`` …, name and colour, and the curves that bound one
+    surface alone, ``edge-1`` …. Beside the ``.msh`` file is a ``.json`` of a solid, as `_replace_solid` returns.
+    ``begin`` is as in `mesh_cad`.
 
     Raises
     ------
@@ -307,12 +283,10 @@ def whole_faces(gmsh: Any) -> dict[int, int]:
 def main(arguments: list[str]) -> str | None:
     """Mesh a CAD file, or describe it; return an error message or ``None``.
 
-    Parameters
-    ----------
-    arguments : list of str
-        File, file to write, seconds for reading, seconds for meshing each element that is expected, and, to mesh it,
-        a table in JSON: ``size`` [m] and ``order`` of the elements, or the ``thickness`` of a shell, ``sector`` and
-        ``script`` as in `mesh_cad`. The system ends the process when that time is over, as on a damaged file.
+    Arguments are the file, the file to write, seconds for reading, seconds for meshing each element that is expected,
+    and, to mesh it, a table in JSON: ``size`` [m] and ``order`` of the elements, or the ``thickness`` of a shell,
+    ``sector`` and ``script`` as in `mesh_cad`. The system ends the process when that time is over, as on a damaged
+    file.
     """
     source, target, reading, each, *wanted = arguments
 

@@ -16,18 +16,10 @@ from fmd.meshes.gmsh_session import gmsh_model
 
 
 def describe_assembly(path: Path, folder: Path) -> list[dict[str, Any]]:
-    """Describe the solids of a CAD file where they stand, and write each to a STEP file of its own.
+    """Describe the solids of a CAD file where they stand, and write each to a STEP file of its own, ``0.step`` ….
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the parts' files, ``0.step``, ``1.step`` and so on.
-
-    Returns
-    -------
-    list of dict
-        Of each solid ``name``, empty without one, ``volume`` [m³], ``centre`` [m], ``inertia`` about it for a density
-        of 1 [m⁵], and ``cylinders``, each with ``what``, ``middle``, ``axis``, ``radius`` and ``length``.
+    Each has ``name``, empty without one, ``volume`` [m³], ``centre`` [m], ``inertia`` about it for a density of 1 [m⁵],
+    and ``cylinders``, each with ``what``, ``middle``, ``axis``, ``radius`` and ``length``.
 
     Raises
     ------

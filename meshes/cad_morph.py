@@ -19,13 +19,7 @@ _EDGES = np.array([(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)])
 
 
 class Topology:
-    """Entities of a model of Gmsh and how they join, by which two models are alike.
-
-    Parameters
-    ----------
-    gmsh : module
-        With the part as its current model.
-    """
+    """Entities of Gmsh's current model and how they join, by which two models are alike."""
 
     def __init__(self, gmsh: Any) -> None:
         self.kinds = {entity: gmsh.model.getType(*entity) for entity in gmsh.model.getEntities()}
@@ -45,30 +39,17 @@ def carry_nodes(gmsh: Any, first: str, changed: str, points: Floats, cells: Numb
     """Return where nodes of a part's mesh lie on the same part with other dimensions.
 
     Those on a curve keep their share of the way along it. Those of a surface move by what is harmonic between its
-    curves, and then to the nearest point on it; those inside by what is harmonic between surfaces. A part that is
-    stretched has a mesh that is stretched so, too. Nodes in the middle of an edge move by the mean of its ends first.
+    curves, and then to the nearest point on it; those inside by what is harmonic between surfaces (Löhner & Yang,
+    Communications in Numerical Methods in Engineering 12, 1996). A part that is stretched has a mesh that is stretched
+    so, too. Nodes in the middle of an edge move by the mean of its ends first.
 
-    Parameters
-    ----------
-    gmsh : module
-        With both models.
-    first, changed : str
-        Names of the model with the mesh, and of that with other dimensions.
-    points : ndarray, shape (n_points, 3)
-    cells : ndarray, shape (n_cells, 4 or 10)
-        Tetrahedra in VTK's order.
-    place : ndarray
-        Number of the point of each of Gmsh's nodes.
+    Gmsh has both models, by their names, ``first`` that with the mesh: points (n_points, 3) and tetrahedra in VTK's
+    order (n_cells, 4 or 10); ``place`` has the number of the point of each of Gmsh's nodes.
 
     Raises
     ------
     CadError
         The part has other faces or edges than at first, or elements would be turned or flattened.
-
-    References
-    ----------
-    Löhner & Yang, Improved ALE mesh velocities for moving bodies, Communications in Numerical Methods in
-    Engineering 12, 1996.
     """
     topologies = []
     for name in (first, changed):

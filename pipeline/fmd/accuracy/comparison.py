@@ -44,46 +44,26 @@ if TYPE_CHECKING:
 
 
 class Comparison:
-    """Comparison of a run's quantities with those of its variants.
-
-    Attributes
-    ----------
-    limit : TimeLimit
-        Time that all comparisons may take.
-    plan : Plan
-        The scene's first run, by the method that an automatic choice ended with.
-    of_mesh, of_motion, quantities : dict of str to Quantity
-        Quantities that don't depend on the motion, that do, and all.
-    requested : RequestedStress
-        Stress that files of the run hold.
-    details : dict of str to Quantity
-        Those of single joints and markers, which are among the motion's.
-    corrections : dict of str to float
-        What finer computations add to the values of quantities so far.
-    pair : Pair or str
-        The run and its scene on a coarser mesh, or the reason why there is none.
-    damped : dict of str to float
-        Part of each quantity that the steps by which variants are marched damp; empty by the run's own method.
-    """
+    """Comparison of a run's quantities with those of its variants: ``quantities``, ``of_mesh`` or ``of_motion``."""
 
     def __init__(self, run: Pipeline, limit: TimeLimit) -> None:
         self.run, self.limit = run, limit
         self.motion = run.motion
         self._first = next(iter(run.plans.values()))
-        self.plan = repeat_choice(self._first, self.motion.trajectory)
+        self.plan = repeat_choice(self._first, self.motion.trajectory)  # by the method that a choice ended with
         # Of the first march by each kind of method [s].
         self._seconds: dict[type, float] = {type(self.plan.integrator): run.fine_motion.trajectory.seconds}
         self.frames: IntArray = np.arange(0)
-        self.corrections: dict[str, float] = {}
+        self.corrections: dict[str, float] = {}  # what finer computations add to values so far
         self.of_mesh = mesh_quantities(run)
         self.of_motion = motion_quantities(run, self.motion, run.fine_motion)
-        self.pair: Pair | str = "not made"
-        self.damped: dict[str, float] = {}
+        self.pair: Pair | str = "not made"  # the run and its scene on a coarser mesh, or why there is none
+        self.damped: dict[str, float] = {}  # part of each that the variants' steps damp; empty by the run's own
         self.hot: dict[str, IntArray] = {}
         if run.parts:
             self._choose_stress_samples()
             self.of_motion |= stress_quantities(run, self.motion, self.frames)
-        self.requested = RequestedStress(run)
+        self.requested = RequestedStress(run)  # stress that files of the run hold
         requested = self.requested.quantities(run, self.motion, self.frames)
         self.details = leave_out_nothing(detail_quantities(run.scene, self.motion) | requested, run.mechanism)
         self.of_motion |= self.details

@@ -41,21 +41,13 @@ _SHIFTS = (limits.SAFETY, 1.0, 0.5, 1.5)
 
 
 class Estimates(Comparison):
-    """Relative errors of a run's quantities by source; each method compares the run with one variant.
-
-    Attributes
-    ----------
-    of_integration : float, optional
-        Stated error of the coordinates by time integration, by the measure of ``auto``.
-    mesh_left_out : str
-        Why another mesh that gives a part of the mesh's error was left out; empty if none was.
-    """
+    """Relative errors of a run's quantities by source; each method compares the run with one variant."""
 
     def __init__(self, run: Pipeline, limit: TimeLimit | None = None) -> None:
         super().__init__(run, limit or TimeLimit())
         self.left_out: list[str] = []
-        self.of_integration: float | None = None
-        self.mesh_left_out = ""
+        self.of_integration: float | None = None  # stated error of the coordinates, by the measure of ``auto``
+        self.mesh_left_out = ""  # why another mesh that gives a part of the mesh's error was left out
         self.model = ModelErrors(self)
         self.corners: list[CornerStress] = []
         self._excess: dict[str, Array] = {}  # of each body's stiffness

@@ -53,22 +53,14 @@ class ModelError:
 
 
 class ModelErrors:
-    """Errors of a run's model, quantity by quantity, gathered cause by cause.
-
-    Attributes
-    ----------
-    left_out : list of str
-        Causes that weren't estimated, with the reason.
-    missing : dict of str to str
-        The reason for each quantity whose error one of these causes counts in.
-    """
+    """Errors of a run's model, quantity by quantity, gathered cause by cause."""
 
     def __init__(self, comparison: Comparison) -> None:
         self._comparison, self._run = comparison, comparison.run
         self.of_quantities: dict[str, float | str] = {}
         self.causes: list[ModelError] = []
-        self.left_out: list[str] = []
-        self.missing: dict[str, str] = {}
+        self.left_out: list[str] = []  # causes that weren't estimated, with the reason
+        self.missing: dict[str, str] = {}  # the reason for each quantity whose error one of these counts in
         self._by_shift: dict[str, float] = {}
 
     def estimate_left_out(self) -> None:

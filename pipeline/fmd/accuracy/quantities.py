@@ -100,16 +100,9 @@ def stress_quantities(
 ) -> Quantities:
     """Von Mises stress: the largest on each body at some output times, and in each named element.
 
-    Parameters
-    ----------
-    frames : ndarray, shape (n_frames,)
-        Numbers of the output times.
-    nodes : dict of str to ndarray, optional
-        For each body the places among its surface nodes to look at; all of them by default.
-    places : dict of str to ndarray, optional
-        Where each body's named elements have their middles (n_elements, 3) [m], if not in this run's mesh.
-    as_if : dict of str to ndarray, optional
-        From each body's modal coordinates to those that its stress is made of, (n, n).
+    ``frames`` (n_frames,) are numbers of output times, ``nodes`` the places among each body's surface nodes to look at,
+    all by default. ``places`` are the middles of named elements (n_elements, 3) [m] if they aren't in this run's mesh,
+    and ``as_if`` (n, n) leads from modal coordinates to those that the body's stress is made of.
     """
     found = []
     for name, part in run.parts.items():

@@ -72,17 +72,8 @@ SETTINGS: Stage[Settings] = Stage(
 class SolvedScene:
     """A scene and the stages that its results come from, which run on first use.
 
-    Parameters
-    ----------
-    scene, cache, monitor, keep_all
-        As for `Pipeline`.
-    like : Pipeline, optional
-        Stages of a scene with the same flexible bodies, whose results of these are taken.
-
-    Attributes
-    ----------
-    given : Pipeline
-        Stages of the scene as it is written; results are those of `run`.
+    Arguments are those of `Pipeline`, and stages of a scene with the same flexible bodies, whose results of these are
+    taken. ``given`` are the stages of the scene as it is written; results are those of `run`.
     """
 
     def __init__(

@@ -59,14 +59,8 @@ def contact_points(
     """Find the points of a body's faces and their residual flexibility ``G = Bᵀ K⁺ B − V (Vᵀ K V)⁻¹ Vᵀ``.
 
     V are the modes at the points without the rigid motion that a joint-conforming basis has, and ``K⁺`` the static
-    response by inertia relief.
-
-    Parameters
-    ----------
-    faces : mapping of str to Marker
-        Averaged markers on faces.
-    triangles : mapping of str to ndarray, shapes (n_triangles, 3)
-        Nodes at the corners of the triangles of those faces that may touch other bodies: all of these become points.
+    response by inertia relief. Faces are averaged markers; all corners of ``triangles`` (n_triangles, 3), of faces that
+    may touch other bodies, become points.
 
     Raises
     ------

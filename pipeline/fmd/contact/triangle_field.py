@@ -84,30 +84,12 @@ def _areas(n: int, triangles: IntArray, across: Array) -> Array:
 def surface_flexibility(x: Array, areas: Array, normals: Array, E: float, nu: float) -> Array:
     """Return displacements of points of an elastic body's surface by unit forces that are spread around points.
 
-    Apart, ``((1 − ν) I + ν r rᵀ/r²)/(2 π G r)``: on a plane that is Boussinesq's displacement along the normal and
-    Cerruti's along it, without what one draws along the other, and surfaces may be curved. It is positive definite, as
-    its transform over space, ``2 (I − 2 ν k kᵀ/k²)/(G k²)``, is. At its own point a force is spread over a disk of the
+    Places x (n, 3) [m] have areas (n,) [m²] and unit normals (n, 3) around them. Returned are displacements (n, 3, n,
+    3) in the axes of the places [m/N], symmetric. Apart, ``((1 − ν) I + ν r rᵀ/r²)/(2 π G r)``: on a plane that is
+    Boussinesq's displacement along the normal and Cerruti's along it, without what one draws along the other, and
+    surfaces may be curved (Johnson, Contact Mechanics, 1985, sections 3.2 and 3.6). It is positive definite, as its
+    transform over space, ``2 (I − 2 ν k kᵀ/k²)/(G k²)``, is. At its own point a force is spread over a disk of the
     point's area.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n, 3)
-        Places [m].
-    areas : ndarray, shape (n,)
-        Areas around them [m²].
-    normals : ndarray, shape (n, 3)
-        Unit normals there.
-    E, nu : float
-        Young's modulus [Pa] and Poisson's ratio.
-
-    Returns
-    -------
-    ndarray, shape (n, 3, n, 3)
-        In the axes of the places [m/N], symmetric.
-
-    References
-    ----------
-    Johnson, Contact Mechanics, 1985, sections 3.2 and 3.6.
     """
     apart = x[:, None] - x[None]
     r = np.linalg.norm(apart, axis=2)

@@ -71,21 +71,9 @@ def parse_formula(text: str, variable: str = "t") -> Formula:
     """Parse a formula of the time t in seconds, or of another variable: ``"1.5*sin(2*pi*10*t) if t < 0.2 else 0"``.
 
     The syntax is Python's, but Python only parses and never runs it: any node of the tree that isn't on a list is
-    refused.
-
-    Parameters
-    ----------
-    text : str
-        Numbers, t, pi, ``+ - * / **``, sin, cos, tan, exp, log, sqrt, tanh, abs, min and max of two, and
-        ``a if t < c else b`` with a constant c; 500 characters at most. Angles are in radians.
-
-    variable : str
-        Name of the variable that stands in place of t.
-
-    Returns
-    -------
-    Formula
-        Its program; parts that don't depend on t are one number.
+    refused. There are numbers, t, pi, ``+ - * / **``, sin, cos, tan, exp, log, sqrt, tanh, abs, min and max of two, and
+    ``a if t < c else b`` with a constant c, in 500 characters at most. Angles are in radians. Parts that don't depend
+    on t become one number.
 
     Raises
     ------

@@ -19,10 +19,7 @@ _CHILD = Path(__file__).with_name("child.py")
 class ChildError(Exception):
     """A child process has failed; the message is one line, what it said last or how it ended.
 
-    Parameters
-    ----------
-    output : str
-        All that it has said on standard error.
+    ``output`` is all that it has said on standard error.
     """
 
     def __init__(self, message: str, late: bool = False, output: str = "") -> None:

@@ -104,19 +104,7 @@ def _registry() -> pint.UnitRegistry[Decimal]:
 
 
 def to_si(value: object, kind: str) -> float:
-    """Convert a quantity given as text to SI units.
-
-    Parameters
-    ----------
-    value : object
-        The quantity, e.g. ``"340 mm"``.
-    kind : str
-        Kind that it must have, e.g. ``"length"``.
-
-    Returns
-    -------
-    float
-        The value in the SI unit of its kind, e.g. [m], [Pa], [rad] or [N m].
+    """Convert a quantity given as text, e.g. ``"340 mm"``, to the SI unit of its kind, e.g. ``"length"``.
 
     Raises
     ------

@@ -28,12 +28,7 @@ COUPLINGS = {
 
 @dataclass(frozen=True)
 class FmuLaw:
-    """Law of a controller that an FMU computes, from sample to sample.
-
-    References
-    ----------
-    Busch, Continuous approximation techniques for co-simulation methods, ZAMM 96, 2016.
-    """
+    """Law of a controller that an FMU computes, from sample to sample (Busch, ZAMM 96, 2016)."""
 
     name: str
     path: str

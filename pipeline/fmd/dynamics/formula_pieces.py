@@ -60,14 +60,9 @@ def divide_formula(formula: Formula) -> LawPieces:
 
 
 class _FormulaPieces:
-    """Pieces of a formula between two places at the same distance from 0.
+    """Pieces of a formula between two places at the same distance from 0: ``resolved`` unless they are too many.
 
-    Attributes
-    ----------
-    edges : ndarray
-        Their ends [m or rad].
-    resolved : bool
-        False if they are too many.
+    Their ``edges`` are in m or rad.
     """
 
     def __init__(self, formula: Formula, farthest: float) -> None:
@@ -163,15 +158,8 @@ class _FormulaPieces:
 class FormulaIntegral:
     """Integral of a formula from 0 on, exact however narrow its features are.
 
-    It is summed from the edge of a piece next to 0 outwards, lest a pole far away, or a range without values, take all
-    digits.
-
-    Attributes
-    ----------
-    edges : ndarray, shape (n_edges,)
-        Ends of its pieces, one at least.
-    middle : int
-        Number of the edge next to 0.
+    It is summed from the edge of a piece next to 0, number ``middle`` of ``edges`` (n_edges,), outwards, lest a pole
+    far away, or a range without values, take all digits.
     """
 
     def __init__(self, formula: Formula) -> None:

@@ -29,20 +29,13 @@ class JointLoads:
 def joint_loads(
     mechanism: Mechanism, whole: Mechanism, times: Array, q: Array, v: Array, pushes: Sequence[Array] = ()
 ) -> JointLoads:
-    """Compute accelerations, and force and moment of every joint, at states of a mechanism.
+    """Compute accelerations, and force and moment of every joint, at states of a mechanism that close the loops.
 
     They follow from the equations of motion at each state alone (recursive Newton–Euler), not from differences between
-    output times.
-
-    Parameters
-    ----------
-    whole : Mechanism
-        The same with the whole inertia of each body. One that turns about a fixed axis moves without that along the
-        axis, but its joint holds the moments of its products of inertia.
-    times, q, v : ndarray, shapes (n_times,), (n_times, n_positions) and (n_times, n)
-        Times [s] with positions and rates that close the loops.
-    pushes : sequence of ndarray, shapes (n_times, n_bodies, 6) and (n_times, n)
-        Of contacts, on the bodies' frames, in their axes, and on modes; none without contacts.
+    output times: times (n_times,) [s], positions (n_times, n_positions) and rates (n_times, n). ``whole`` is the
+    mechanism with the whole inertia of each body: one that turns about a fixed axis moves without that along the axis,
+    but its joint holds the moments of its products of inertia. Pushes are those of contacts, on the bodies' frames, in
+    their axes, and on modes, (n_times, n_bodies, 6) and (n_times, n); none without contacts.
 
     Raises
     ------

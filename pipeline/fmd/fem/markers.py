@@ -70,14 +70,9 @@ def face_marker(
 ) -> Marker:
     """Attach a marker to a face of the body, or to several together.
 
-    Parameters
-    ----------
-    face : ndarray, shape (n,) or (n_facets, 3 or 4), or a sequence of such
-        Mesh points of a face, which consists of the boundary facets with all corners among them; or the corners of each
-        of its facets.
-    centre : ndarray, shape (3,), optional
-        Place of the marker by the face's geometry [m], which follows the face's mean displacement and rotation; the
-        centroid of the mesh's facets by default.
+    A face is of mesh points (n,), and consists of the boundary facets with all corners among them, or of the corners
+    (n_facets, 3 or 4) of its facets. ``centre`` (3,) is the marker's place by the face's geometry [m], which follows
+    the face's mean displacement and rotation; by default the centroid of the mesh's facets.
 
     Raises
     ------
@@ -139,22 +134,11 @@ def weighted_marker(points: IntArray, x: Array, weights: Array, rigid: bool = Fa
 
 
 def traction_marker(position: Array, nodes: IntArray, x: Array, forces: Array) -> Marker:
-    """Attach a marker to a section of a body by the nodal forces that the section transmits.
+    """Attach a marker at a position (3,) [m] to a section of a body by the nodal forces that the section transmits.
 
-    A load at the marker acts with these forces, and so its motion is the one on which they do the load's work. Unlike a
-    uniform traction, the tractions of the body's own static deflections take the section's warping in torsion and in
-    shear into account.
-
-    Parameters
-    ----------
-    position : ndarray, shape (3,)
-        Place of the marker [m].
-    nodes : ndarray, shape (n,)
-        The section's nodes.
-    x : ndarray, shape (n, 3)
-        Their positions [m].
-    forces : ndarray, shape (6, n, 3)
-        Nodal forces of six independent loads.
+    The section's nodes (n,) at x (n, 3) [m] have forces (6, n, 3) of six independent loads. A load at the marker acts
+    with these forces, and so its motion is the one on which they do the load's work. Unlike a uniform traction, the
+    tractions of the body's own static deflections take the section's warping in torsion and in shear into account.
 
     Raises
     ------

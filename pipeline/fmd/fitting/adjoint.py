@@ -27,13 +27,7 @@ from fmd.stages.pipeline import Pipeline
 
 
 class HistorySum:
-    """Sum of histories with a weight at each output time, as a function of the motion.
-
-    Parameters
-    ----------
-    weights : ndarray, shape (n_channels, n_times)
-        Of their values.
-    """
+    """Sum of histories with weights (n_channels, n_times) at the output times, as a function of the motion."""
 
     def __init__(
         self, frozen: FrozenRun, motion: FrozenMotion, channels: Sequence[ResultChannel], weights: Array

@@ -27,16 +27,9 @@ def fit_scene(
 
     What the data can tell is found first: a number whose 95 % interval would be wider than ±50 % is refused. Where both
     modes and responses are measured, the first search is by the modes alone: responses have false minima. So have
-    histories that swing many times: where more is left of them than noise, they are fitted part by part, too.
-
-    Parameters
-    ----------
-    experiments : tuple of Experiment
-        What is measured, as `read_experiments` reads it.
-    varied : tuple of VariedNumber
-        Numbers to fit, which start from the scene's values.
-    starts : int
-        Number of searches: one from the scene's values, others from points of a Latin hypercube between the bounds.
+    histories that swing many times: where more is left of them than noise, they are fitted part by part, too. One of
+    ``starts`` searches is from the scene's values, others are from points of a Latin hypercube between the bounds. The
+    method is SciPy's of Branch, Coleman & Li, SIAM J Sci Comput 21, 1999.
 
     Raises
     ------
@@ -44,11 +37,6 @@ def fit_scene(
         The data can't tell a number, there are no bounds to start between, or shifts take data beyond the motion.
     AccuracyError
         The fit doesn't end, or a motion fails.
-
-    References
-    ----------
-    Branch, Coleman & Li, A subspace, interior, and conjugate gradient method for large-scale bound-constrained
-    minimization problems, SIAM J Sci Comput 21, 1999, as SciPy has it.
     """
     for experiment in experiments:
         experiment.require_times([each for each in varied if each.parameter.clock])

@@ -76,15 +76,8 @@ class FrozenMotion:
 class FrozenRun:
     """A run whose method, steps and loads that stiffen stay as they are while numbers of its scene change.
 
-    Parameters
-    ----------
-    times : ndarray, shape (n_times,), optional
-        Output times [s]; the scene's own by default. They change no step.
-
-    Attributes
-    ----------
-    marches : int
-        How many motions have been computed; eight tangents count as one.
+    Output times (n_times,) [s], by default the scene's own, change no step. ``marches`` counts the motions that have
+    been computed; eight tangents count as one.
     """
 
     def __init__(self, run: Pipeline, times: Array | None = None) -> None:

@@ -51,14 +51,9 @@ class Measurements:
 def read_measurements(run: Pipeline, table: MeasuredTable, sigmas: Mapping[str, float]) -> Measurements:
     """Read measured histories from a table as `History` writes them: times in the first column, a result in each other.
 
-    Parameters
-    ----------
-    table : MeasuredTable
-        Its columns' names have units, ``time [s]`` and e.g. ``forearm.wrist.position.y [mm]``; a column without a unit
-        is in SI units.
-    sigmas : mapping of str to float
-        Standard deviations of the noise by names of results [SI]; that of another is estimated from differences of its
-        successive values, in which a smooth history cancels.
+    Columns' names have units, ``time [s]`` and e.g. ``forearm.wrist.position.y [mm]``; one without is in SI units. The
+    standard deviation of the noise [SI] of a result that ``sigmas`` doesn't name is estimated from differences of its
+    successive values, in which a smooth history cancels.
 
     Raises
     ------

@@ -233,20 +233,11 @@ def optimise_scene(
     sign: int = 1,
     starts: int = 1,
 ) -> Optimum:
-    """Find the least, or the largest, of a result under limits on others, by sequential quadratic programming.
+    """Find the least (sign 1), or the largest (-1), of a result above 0 under limits on others.
 
-    Parameters
-    ----------
-    run : Pipeline
-        Stages of the scene as it is computed, from which the search starts.
-    aim : str
-        The result, a number above 0.
-    varied : tuple of VariedNumber
-        Numbers that vary, all with bounds.
-    sign : int
-        1 for the least, -1 for the largest.
-    starts : int
-        Number of searches, as `spread_starts` starts them; the best design is taken.
+    The search starts from the scene as the run has it, and others, as `spread_starts` starts them; the best design is
+    taken. All numbers that vary have bounds. The method is SciPy's sequential quadratic programming (Kraft, DFVLR-FB
+    88-28, 1988).
 
     Raises
     ------
@@ -254,10 +245,6 @@ def optimise_scene(
         Bounds are missing, or a name is no such result.
     AccuracyError
         No design that the search came to meets the limits, or one can't be computed.
-
-    References
-    ----------
-    Kraft, A software package for sequential quadratic programming, DFVLR-FB 88-28, 1988, as SciPy has it.
     """
     for each in varied:
         if not np.isfinite([each.low, each.high]).all() or not each.low * each.high > 0.0:

@@ -26,27 +26,14 @@ def find_front(
 ) -> list[Optimum]:
     """Find designs along the Pareto front of two aims: the best in the first aim, for values of the second.
 
-    Each end is as good in one aim as any design, but for `MET`, and of such designs the best in the other. Between both
-    the values have equal ratios, and each search starts from the design before it (ε-constraint method; Haimes, Lasdon
-    & Wismer, *IEEE Trans Syst Man Cybern* 1, 1971). Where one fails, on the wrong side of a resonance for instance, the
-    rest is searched from the other end.
+    Aims are results with 1 if they are minimised or -1 if maximised, of 3 designs at least. Each end is as good in one
+    aim as any design, but for `MET`, and of such designs the best in the other. Between both the values have equal
+    ratios, and each search starts from the design before it (ε-constraint method; Haimes, Lasdon & Wismer, *IEEE Trans
+    Syst Man Cybern* 1, 1971), or the scene's, others as `spread_starts` starts them. Where one fails, on the wrong side
+    of a resonance for instance, the rest is searched from the other end.
 
-    Parameters
-    ----------
-    run, limits, varied
-        As `optimise_scene` takes them.
-    aims : tuple of tuple
-        Results, each with 1 if it is minimised or -1 if it is maximised.
-    count : int
-        Number of designs, 3 at least.
-    starts : int
-        Number of searches of each design: from the one before it, or the scene's, and as `spread_starts` starts others.
-
-    Returns
-    -------
-    list of Optimum
-        From the end of the first aim to that of the second, which has the warnings of both best designs, too. The
-        limits of each end with that of the second aim.
+    Designs come from the end of the first aim to that of the second, which has the warnings of both best designs, too;
+    limits of each end come with that of the second aim.
 
     Raises
     ------

@@ -24,16 +24,11 @@ from fmd.stages.pipeline import Pipeline
 def frequency_change(run: Pipeline, minus: Pipeline, plus: Pipeline, body: str, mode: int) -> Array:
     """Return the change of a frequency [Hz] as stiffness and mass go from those of one variant to those of another.
 
-    That is ``δω² = φᵀ (δK − ω² δM) φ + 2 φᵀ (K − ω² M) δφ`` for a mode with unit modal mass; the second term is of
-    modes that a joint holds, by its forces. Modes of one frequency turn into each other: their changes are the
-    eigenvalues of this matrix for the whole group, in ascending order. The variants have the run's nodes; modes are
-    numbered from 0. Returned are the mode's change, the mean change of its group, and the same from the variants' own
-    modes, as a check.
-
-    References
-    ----------
-    Fox & Kapoor, Rates of change of eigenvalues and eigenvectors, AIAA J 6, 1968; Mills-Curran, Calculation of
-    eigenvector derivatives for structures with repeated eigenvalues, AIAA J 26, 1988.
+    That is ``δω² = φᵀ (δK − ω² δM) φ + 2 φᵀ (K − ω² M) δφ`` for a mode with unit modal mass (Fox & Kapoor, AIAA J 6,
+    1968); the second term is of modes that a joint holds, by its forces. Modes of one frequency turn into each other:
+    their changes are the eigenvalues of this matrix for the whole group, in ascending order (Mills-Curran, AIAA J 26,
+    1988). The variants have the run's nodes; modes are numbered from 0. Returned are the mode's change, the mean change
+    of its group, and the same from the variants' own modes, as a check.
     """
     part, before, after = (each.wholes[body] for each in (run, minus, plus))
     if before.key("modes") == after.key("modes"):

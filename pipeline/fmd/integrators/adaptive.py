@@ -264,18 +264,12 @@ def require_steps(name: str, march: AdaptiveMarch, done: int) -> None:
 
 
 class AdaptiveIntegrator(ResumableIntegrator):
-    """Base of the methods that choose their steps by a relative ``tolerance`` of each.
-
-    Attributes
-    ----------
-    n_own : int
-        Length of what such a method remembers beside the largest values.
-    """
+    """Base of the methods that choose their steps by a relative ``tolerance`` of each."""
 
     tolerance: float  # of each step, relative to the largest value of a coordinate's group
     most_steps: float = math.inf  # with more of them a march is ended; no number, unless another method takes over
     step = 0.0
-    n_own = 0
+    n_own = 0  # length of what such a method remembers beside the largest values
 
     def __post_init__(self) -> None:
         require_tolerance(self.tolerance)

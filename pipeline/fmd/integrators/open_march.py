@@ -11,21 +11,10 @@ from fmd.integrators.adaptive import AdaptiveIntegrator, begin_sampling, begin_s
 
 
 class OpenMarch:
-    """A march that goes on when it is told to.
+    """A march that goes on when it is told to, from a state at time 0 up to an end [s].
 
-    Parameters
-    ----------
-    q0, v0 : ndarray, shapes (n_positions,) and (n,)
-        State at time 0.
-    end : float
-        Time beyond which it doesn't go [s].
-
-    Attributes
-    ----------
-    q, v : ndarray, shapes (n_positions,) and (n,)
-        Present positions and rates, which change as it goes on.
-    held : ndarray, shape (n_held,)
-        Values that the mechanism's functions take, see `HeldValue`; to be set by `hold`.
+    Positions q (n_positions,) and rates v (n,) change as it goes on. Values ``held`` (n_held,), which the mechanism's
+    functions take, see `HeldValue`, are set by `hold`.
     """
 
     def __init__(self, method: AdaptiveIntegrator, system: CompiledSystem, q0: Array, v0: Array, end: float) -> None:

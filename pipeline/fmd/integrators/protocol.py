@@ -173,15 +173,9 @@ class Integrator(ABC):
 
 
 class ResumableIntegrator(Integrator):
-    """Integrator that continues from the end of a march: all of ours but the automatic choice and SciPy's.
+    """Integrator that continues from the end of a march: all of ours but the automatic choice and SciPy's."""
 
-    Attributes
-    ----------
-    start_evaluations : int
-        Solutions of the whole system that its start takes.
-    """
-
-    start_evaluations = 1
+    start_evaluations = 1  # solutions of the whole system that its start takes
 
     @abstractmethod
     def start(self, system: System, q0: Array, v0: Array) -> State:

@@ -70,6 +70,8 @@ def unrolled(function: F) -> F:
 class Kernel:
     """A function that is compiled when Python first calls it with values of some types; it runs without Python's lock.
 
+    `python` is the function as it stands.
+
     Raises
     ------
     TypeError
@@ -78,11 +80,6 @@ class Kernel:
         The function does something that kernels can't; the message has file and line.
     IndexError
         A checked kernel has left the bounds of an array; the message has file and line.
-
-    Attributes
-    ----------
-    python : function
-        The function as it stands.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:

@@ -63,21 +63,14 @@ def _target(triple: str = "", effort: int = 3) -> Any:
 
 
 def compile_object(source: str, level: int = 0, triple: str = "", effort: int = 3) -> bytes:
-    """Compile a module of LLVM's language to an object file.
+    """Compile a module of LLVM's language to an object file, for this machine or one such as ``aarch64-apple-darwin``.
 
-    Parameters
-    ----------
-    level : int
-        Effort of LLVM's passes. They make no vectors and unroll only loops of functions that are marked so,
-        since that takes two thirds of all time: others, over coordinates and output times, run as fast. By
-        default the code generator alone runs: what the passes look for, common subexpressions and constants, a
-        graph doesn't have, and they cost a third of the time for no speed (pairing like scalars into vectors
-        costs four times as much).
-    triple : str
-        Another machine, such as ``aarch64-apple-darwin``; this one by default.
-    effort : int
-        Of the code generator. By 0 a function of 180 kB is compiled in a fifth of the time that 3 takes, and runs two
-        to three times as long.
+    ``level`` is the effort of LLVM's passes. They make no vectors and unroll only loops of functions that are marked
+    so, since that takes two thirds of all time: others, over coordinates and output times, run as fast. By default the
+    code generator alone runs: what the passes look for, common subexpressions and constants, a graph doesn't have, and
+    they cost a third of the time for no speed (pairing like scalars into vectors costs four times as much). By its
+    ``effort`` 0 a function of 180 kB is compiled in a fifth of the time that 3 takes, and runs two to three times as
+    long.
     """
     target = _target(triple, effort)
     module = llvm.parse_assembly(source)
@@ -93,17 +86,7 @@ def compile_object(source: str, level: int = 0, triple: str = "", effort: int = 
 
 
 class LoadedObject:
-    """Functions of an object file in memory, for as long as this lives.
-
-    Parameters
-    ----------
-    constants : ndarray, optional
-        What its functions read from the array ``constants``, if they read any.
-
-    Attributes
-    ----------
-    n_bytes : int
-        Size of the file and of the constants.
+    """Functions of an object file in memory, for as long as this lives; ``n_bytes`` with the constants that they read.
 
     Raises
     ------

@@ -59,21 +59,15 @@ def find_all_channels(run: Pipeline, names: Sequence[str]) -> list[ResultChannel
 def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[ResultChannel]:
     """Find the results of a name: one, or a vector's components.
 
-    Parameters
-    ----------
-    run : Pipeline
-        The scene's stages; largest values are those of its motion.
-    name : str
-        ``tip`` (the largest deflection of the tip), ``BODY.stress`` (the largest von Mises stress of a flexible body),
-        ``BODY.life`` (repeats of the motion to failure, by the scene's output of type fatigue), ``BODY.frequency.N``,
-        of which the name of a scene's only flexible body may be left out, ``critical_speed.N``, the rate of rotation at
-        which it meets a frequency for the N-th time, ``mass`` (of all bodies), ``BODY.mass``,
-        ``OUTPUT by INPUT`` (the largest magnitude of a frequency response that the scene lists), a column of a file of
-        histories without its unit, e.g. ``forearm.wrist.position.y``, ``elbow.position``, ``shoulder.force.x``,
-        ``shoulder.force.size`` or, for all components of a vector but those that are round-off, ``shoulder.force``, or
-        a formula of the motion with a name, ``error = forearm.wrist.y - 0.3``.
-    origin : str
-        Option that names it, for messages.
+    Names are ``tip`` (the largest deflection of the tip), ``BODY.stress`` (the largest von Mises stress of a flexible
+    body), ``BODY.life`` (repeats of the motion to failure, by the scene's output of type fatigue),
+    ``BODY.frequency.N``, of which the name of a scene's only flexible body may be left out, ``critical_speed.N``, the
+    rate of rotation at which it meets a frequency for the N-th time, ``mass`` (of all bodies), ``BODY.mass``, ``OUTPUT
+    by INPUT`` (the largest magnitude of a frequency response that the scene lists), a column of a file of histories
+    without its unit, e.g. ``forearm.wrist.position.y``, ``elbow.position``, ``shoulder.force.x``,
+    ``shoulder.force.size`` or, for all components of a vector but those that are round-off, ``shoulder.force``, or a
+    formula of the motion with a name, ``error = forearm.wrist.y - 0.3``. Messages name the option that it comes from,
+    ``origin``.
 
     Raises
     ------

@@ -35,24 +35,11 @@ def view_mechanism(
     stressed: bool = True,
     loads: bool = False,
 ) -> MovingMechanism:
-    """Gather a mechanism at some output times of a run's motion.
+    """Gather a mechanism at some output times of a run's motion, by their numbers (n_frames,).
 
-    Parameters
-    ----------
-    chosen : ndarray, shape (n_frames,)
-        Numbers of the output times.
-    coloured : str, optional
-        Flexible body that is coloured by its stress; all by default.
-    component : str
-        Measure of the stress, as for `stress_measure`.
-    scale : float
-        Factor on the deformation.
-    alone : bool
-        Leave out everything but the coloured body.
-    stressed : bool
-        False to leave out stress, which takes the run's motion.
-    loads : bool
-        Draw arrows where forces and torques act, and one along gravity.
+    All flexible bodies are coloured by a component of their stress, as `stress_measure` takes it, or one alone, without
+    everything else if it is ``alone``; stress takes the run's motion, unless it isn't wanted. Deformations have a
+    scale. Loads are arrows where forces and torques act, and one along gravity.
     """
     from fmd.render.moving_bodies import MovingMechanism
 

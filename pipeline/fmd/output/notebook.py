@@ -71,15 +71,9 @@ class Summary(dict[str, Any]):
 def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, **settings: Any) -> tuple[Picture, ...]:
     """Draw the pictures of an ``[[output]]`` that the scene could have, without leaving files.
 
-    Parameters
-    ----------
-    type : str
-        ``"chart"``, ``"history"``, ``"mesh"``, ``"modes"``, ``"mode sheet"``, ``"stress"``, ``"mechanism"`` or another
-        output that is a picture.
-    numbers : iterable of int, optional
-        Numbers of the modes, from 1; all by default.
-    settings
-        The output's other keys; ``body`` is the first flexible one by default.
+    Its type is ``"chart"``, ``"history"``, ``"mesh"``, ``"modes"``, ``"mode sheet"``, ``"stress"``, ``"mechanism"`` or
+    another that is a picture, ``numbers`` are those of the modes, from 1, all by default, and ``settings`` its other
+    keys; ``body`` is the first flexible one by default.
 
     Raises
     ------

@@ -162,13 +162,7 @@ def picture_key(run: Pipeline, output: Any) -> str:
 
 
 class Pictures(DrawingProcess):
-    """Outputs of a scene that are drawn in another process while the run goes on, unless they are kept.
-
-    Parameters
-    ----------
-    outputs : sequence of output models
-        The scene's, without exports.
-    """
+    """Outputs of a scene, but its exports, that another process draws while the run goes on, unless they are kept."""
 
     def __init__(self, outputs: Sequence[Any], scene_file: str) -> None:
         super().__init__(scene_file)

@@ -115,20 +115,11 @@ def compute_response(
     about: str = "start",
     psd: tuple[str, Path, tuple[str, str]] | None = None,
 ) -> FrequencyResponse:
-    """Compute the frequency response of a scene.
+    """Compute the frequency response of a scene, between channels that are named as in docs/responses.md.
 
-    Parameters
-    ----------
-    inputs, outputs : sequence of str
-        Names, as docs/responses.md lists them.
-    highest, lowest : float
-        Range [Hz]; from a thousandth of the highest by default.
-    points : int
-        Number of evenly spaced frequencies, beside those about resonances.
-    about : str
-        State of linearisation, as in `fmd.stages.linear_model.linearise_scene`.
-    psd : tuple, optional
-        Spectral density of the only input, as `fmd.stages.spectral_density.read_density` takes it.
+    The range [Hz] is from a thousandth of the highest by default; so many points are evenly spaced, beside those about
+    resonances. The state is as `linearise_scene` takes it, and the spectral density of the only input as `read_density`
+    does.
 
     Raises
     ------

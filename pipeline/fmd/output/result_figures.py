@@ -14,20 +14,10 @@ from fmd.stages.pipeline import Pipeline
 
 
 def result_figures(run: Pipeline, names: Sequence[str], histories: bool = False) -> dict[str, dict[str, Any]]:
-    """Return the figures of results by the names that they are asked for, and within these by their own.
+    """Return the figures of results by the names that they are asked for, as `find_channels` takes them, and their own.
 
-    Parameters
-    ----------
-    names : sequence of str
-        As `find_channels` takes them.
-    histories : bool
-        Keep the values of histories over the output times, too.
-
-    Returns
-    -------
-    dict
-        Of each result ``unit``, ``error`` (a number if one is stated, else why not), and ``value`` or, of a history,
-        ``smallest``, ``largest``, ``rms`` and, if they are kept, ``history``.
+    Each has ``unit``, ``error`` (a number if one is stated, else why not), and ``value`` or, of a history,
+    ``smallest``, ``largest``, ``rms`` and, if they are kept, ``history``, its values over the output times.
 
     Raises
     ------

@@ -43,9 +43,7 @@ class SteppedScene:
     InputError
         A formula names what the scene doesn't have, or the sample time isn't above 0.
 
-    Examples
-    --------
-    ::
+    Example:
 
         env = fmd.SteppedScene("arm.toml", observe=["hinge.angle", "hinge.rate"], sample_time=1e-3)
         observation, info = env.reset()

@@ -190,12 +190,8 @@ def fatigue_by_findley(
 ) -> FatigueLife:
     """Assess Findley's parameter ``τ_a + k σ_n`` on planes of all directions, and keep the plane with the most damage.
 
-    Parameters are those of `fatigue_by_critical_plane`; ``planes`` stand on the surface, and as many lean.
-
-    References
-    ----------
-    Findley, A theory for the effect of mean stress on fatigue of metals under combined torsion and axial load or
-    bending, J Eng Ind 81 (1959) 301-306.
+    Parameters are those of `fatigue_by_critical_plane`; ``planes`` stand on the surface, and as many lean (Findley, J
+    Eng Ind 81 (1959) 301-306).
     """
     rows, axes, q = _in_surface(stress, normals)
     return _assess(_Findley(rows, axes, planes, law.findley), stress.nodes, q, law, worst, share)

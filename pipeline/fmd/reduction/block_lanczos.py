@@ -22,32 +22,12 @@ from fmd.core.limits.modes import BLOCK_RESTARTS, DEPENDENT, EVEN, LANCZOS_RESID
 def largest_pairs(
     inverse: Callable[[Array], Array], M: Any, Z: Array, count: int, size: int, start: Array
 ) -> tuple[Array, Array]:
-    """Find the largest eigenvalues of ``A⁻¹ M`` outside known eigenvectors.
+    """Find the largest eigenvalues of ``A⁻¹ M`` outside known eigenvectors Z (n, k), ``Zᵀ M Z = 1``.
 
-    Vectors are M-orthogonal to all others by two projections or more. A full basis is cut to its best Ritz vectors,
-    with which the last block goes on.
-
-    Parameters
-    ----------
-    inverse : callable
-        ``A⁻¹`` of loads (n, k).
-    M : sparse array, shape (n, n)
-        Mass matrix.
-    Z : ndarray, shape (n, k)
-        Known eigenvectors, ``Zᵀ M Z = 1``.
-    count : int
-        Number of eigenvalues wanted.
-    size : int
-        Vectors of the basis.
-    start : ndarray, shape (n, block)
-        Vectors to begin with.
-
-    Returns
-    -------
-    theta : ndarray, shape (count,)
-        Eigenvalues, descending.
-    Phi : ndarray, shape (n, count)
-        Their vectors, ``Φᵀ M Φ = 1``.
+    Vectors are M-orthogonal to all others by two projections or more. They begin with ``start`` (n, block); a full
+    basis of ``size`` is cut to its best Ritz vectors, with which the last block goes on. ``inverse`` is ``A⁻¹`` of
+    loads (n, k), and M (n, n) sparse. Returned are ``count`` eigenvalues, descending, and vectors (n, count), ``Φᵀ M Φ
+    = 1``.
 
     Raises
     ------

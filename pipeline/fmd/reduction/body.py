@@ -94,19 +94,12 @@ def reduced_body(
 ) -> FlexibleBody:
     """Refer a basis to a joint, whose marker moves with the frame but for the rotations that the joint leaves free.
 
-    About those the frame floats so that rotation and modes don't couple in the reference state,
-    ``∫ρ e·(x × φ) = 0`` (mean axes about the joint; Canavin & Likins, Journal of Spacecraft 14, 1977).
-
-    Parameters
-    ----------
-    omega, shapes : ndarray, shapes (n,) and (n_nodes, 3, n)
-        Basis with unit modal mass and diagonal stiffness, of the free body or of the body fixed at the joint.
-    free : ndarray, shape (k, 3)
-        Orthonormal directions of the free rotations: none at a fixed, prismatic or angle-driven joint, the axis of a
-        torque-driven hinge, three at a spherical joint.
-    normal : int
-        Number of the only axis that the body turns about in space, for which fewer inertia integrals do; -1 if it may
-        move anyhow.
+    About those the frame floats so that rotation and modes don't couple in the reference state, ``∫ρ e·(x × φ) = 0``
+    (mean axes about the joint; Canavin & Likins, Journal of Spacecraft 14, 1977). The basis (n,) and (n_nodes, 3, n)
+    has unit modal mass and diagonal stiffness, of the free body or of the body fixed at the joint. Directions ``free``
+    (k, 3) are orthonormal: none at a fixed, prismatic or angle-driven joint, the axis of a torque-driven hinge, three
+    at a spherical joint. ``normal`` is the number of the only axis that the body turns about in space, for which fewer
+    inertia integrals do; -1 if it may move anyhow.
 
     Raises
     ------

@@ -49,31 +49,13 @@ Inverse = Callable[[Array], Array]
 
 
 class FreeBodySolver:
-    """Modes and static responses of a body from one factorisation of ``K − σ M``, σ < 0.
+    """Modes and static responses of a body in one piece from one factorisation of ``K − σ M``, σ < 0.
 
     K alone is singular for a body that can move, so a shift of zero would return garbage; a negative shift makes the
-    matrix positive definite. It is scaled to the problem: a part of an upper bound of the lowest elastic
-    eigenvalue.
-
-    Parameters
-    ----------
-    fe : FEModel
-        A body in one piece.
-    rigid : sequence of Marker
-        Markers whose faces are rigid; they have no node in common.
-    fixed : ndarray of int, optional
-        Unknowns that supports fix; ``3 i + a`` is node i along axis a.
-    factorise : callable
-        Makes a `Factor` of a symmetric positive definite matrix.
-
-    Attributes
-    ----------
-    rigid_modes : ndarray, shape (3 n_nodes, 6 or less)
-        Rigid motions that the supports leave.
-    shift : float
-        σ [rad²/s²].
-    bound : float
-        Upper bound of the lowest elastic eigenvalue [rad²/s²]; 0 if supports hold the whole body.
+    matrix positive definite. It is scaled to the problem: a part of ``bound``, an upper bound of the lowest elastic
+    eigenvalue [rad²/s²], 0 if supports hold the whole body. Faces of ``rigid`` markers have no node in common;
+    ``fixed`` are the unknowns that supports fix, ``3 i + a`` of node i along axis a. ``rigid_modes`` (3 n_nodes, 6 or
+    less) are the motions that these leave, ``shift`` is σ [rad²/s²].
 
     Raises
     ------

@@ -104,18 +104,12 @@ class InertiaIntegrals:
 
 
 def inertia_integrals(x: Array, m: Any, Phi: Array, normal: int = -1) -> InertiaIntegrals:
-    """Integrate a body's inertia terms once, exactly, through its scalar mass matrix.
+    """Integrate a body's inertia terms once, exactly, through its scalar mass matrix m (n_nodes, n_nodes) [kg].
 
-    Parameters
-    ----------
-    x : ndarray, shape (n_nodes, 3)
-        Undeformed node positions in the body frame [m].
-    m : sparse array, shape (n_nodes, n_nodes)
-        Consistent scalar mass matrix [kg].
-    Phi : ndarray, shape (n_nodes, 3, n_modes)
-        Mode shapes in the body frame [kg^-1/2].
-    normal : int
-        Number of the only axis that the body turns about, along which G is left out; -1 for all of G.
+    Undeformed places x (n_nodes, 3) [m] and shapes Φ (n_nodes, 3, n_modes) [kg^-1/2] are in the body frame; ``normal``
+    is the number of the only axis that the body turns about, along which G is left out, -1 for all of G. See Zwölfer &
+    Gerstmayr, A concise nodal-based derivation of the floating frame of reference formulation for displacement-based
+    solid finite elements, Multibody System Dynamics 49 (2020).
 
     Raises
     ------
@@ -123,11 +117,6 @@ def inertia_integrals(x: Array, m: Any, Phi: Array, normal: int = -1) -> Inertia
         Shapes of the arrays disagree.
     AccuracyError
         ``G[a, b]`` is not the transpose of ``G[b, a]``: m is not symmetric, or something is not finite.
-
-    References
-    ----------
-    Zwölfer & Gerstmayr, A concise nodal-based derivation of the floating frame of reference formulation for
-    displacement-based solid finite elements, Multibody System Dynamics 49 (2020).
     """
     across = (slice(1, 3), slice(0, 3, 2), slice(0, 2), slice(0, 3))[normal]  # axes; for number -1 all three
     U = _positions(x, Phi, across)

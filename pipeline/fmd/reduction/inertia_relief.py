@@ -42,28 +42,12 @@ def rounded_defect(K: Any, u: Array) -> Array:
 def solve_balanced(
     K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], f: Array, advance: Advance = lambda done: None
 ) -> Array:
-    """Solve ``K u = f − M R a``, the rigid acceleration a being the one that the loads cause.
+    """Solve ``K u = f − M R a``, the rigid acceleration a being the one that the loads f (n, n_loads) [N] cause.
 
-    Conjugate gradients with the inverse of ``K − σ M`` take a few steps. They start anew on what is left of the load,
-    balanced again: K doesn't see rigid-body round-off, which would spoil a long run.
-
-    Parameters
-    ----------
-    K, M : sparse array, shape (n, n)
-        Stiffness and mass matrix.
-    R : ndarray, shape (n, n_rigid)
-        Rigid-body modes.
-    inverse : callable
-        ``(K − σ M)⁻¹``, σ < 0.
-    f : ndarray, shape (n, n_loads)
-        Loads [N].
-    advance : callable
-        Takes the part that is done, by the digits of the residual that are gone.
-
-    Returns
-    -------
-    ndarray, shape (n, n_loads)
-        Displacements [m], M-orthogonal to the rigid-body modes.
+    Conjugate gradients with ``inverse``, ``(K − σ M)⁻¹``, σ < 0, take a few steps. They start anew on what is left of
+    the load, balanced again: K doesn't see rigid-body round-off, which would spoil a long run. R (n, n_rigid) are the
+    rigid-body modes, to which u (n, n_loads) [m] is M-orthogonal. ``advance`` takes the part that is done, by the
+    digits of the residual that are gone.
 
     Raises
     ------

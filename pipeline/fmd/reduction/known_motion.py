@@ -20,18 +20,8 @@ def affine_products(K: Array, M: Array, V: Array, U: Array, r: Array, second: Ar
     then ``∫ ψ · (r_a e_b) dm`` is ``ψᵀ M y``: to all digits where a bar is stretched. Of two directions, in principal
     axes, r is taken along the one in which the body is thinner, where the field is smaller.
 
-    Parameters
-    ----------
-    K, M : ndarray, shape (n_unknowns, n_unknowns)
-        Stiffness and mass.
-    V : ndarray, shape (n_unknowns, n)
-        Free modes.
-    U : ndarray, shape (n_points, 3, n_unknowns)
-        Displacements of points by the unknowns.
-    r : ndarray, shape (n_points, 3)
-        Their places from the centre of mass [m].
-    second : ndarray, shape (3, 3)
-        Second moments of the body about it [kg m²].
+    Of the free modes V (n_unknowns, n) and points U (n_points, 3, n_unknowns), the latter are at r (n_points, 3) from
+    the centre of mass [m], about which ``second`` (3, 3) are the body's second moments [kg m²].
     """
     Q = np.linalg.eigh(second)[1]
     pairs = np.array([(a, b) for a in range(3) for b in range(a, 3)])  # moments ascend
@@ -49,17 +39,10 @@ def directional_mass(
 ) -> tuple[Array, str]:
     """Return ``∫ ψ_ja ψ_kb`` of free modes, shape (3, 3, n, n), as points of known motion tell it, and how well.
 
-    Masses of the points are fitted to what is known. Of the lowest modes, as many as they have masses of, shapes are
-    combined so that all modal masses are exact. The others have their points' directions, and no coupling.
-
-    Parameters
-    ----------
-    points : sequence of (ndarray, ndarray)
-        Place (3,) and displacement (3, n) by each mode, of unit modal mass.
-    omega2 : ndarray, shape (n,)
-        Squares of the modes' angular frequencies, ascending.
-    mass, centre, second : float, ndarray, ndarray
-        Mass [kg], centre of mass (3,) [m] and second moments about it (3, 3) [kg m²].
+    Masses of the points are fitted to what is known: mass [kg], centre of mass (3,) [m] and second moments about it (3,
+    3) [kg m²]. Of the lowest modes, as many as they have masses of, shapes are combined so that all modal masses are
+    exact. The others have their points' directions, and no coupling. Points have a place (3,) and displacements (3, n)
+    by each mode, of unit modal mass and ascending ω² (n,).
     """
     n = len(omega2)
     x, shapes = (np.array(column) for column in zip(*points, strict=True))

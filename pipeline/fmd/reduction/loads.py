@@ -36,25 +36,13 @@ PRODUCTS = tuple((a, b) for a in range(3) for b in range(a, 3))
 def motion_loads(
     fe: FEModel, marker: Marker, axis: Array | None, outboard: Sequence[tuple[Marker, Array | None]] = ()
 ) -> Array:
-    """Centrifugal loads of unit rates, and unit forces and torques at the body's joints.
+    """Centrifugal loads of unit rates, and unit forces and torques at the body's joints, (n_nodes, 3, n_loads).
 
-    Forces and torques are spread over the markers' faces. Loads of linear and angular acceleration are left out: a free
-    body balances them by itself, and what bends it is the reaction of its joint.
-
-    Parameters
-    ----------
-    marker : Marker
-        At the joint that carries the body.
-    axis : ndarray, shape (3,), optional
-        Normal of the plane to which all motion keeps: one centrifugal load, two forces and one torque at each marker.
-        Without, the six products of two rates, and three forces and three torques at each marker.
-    outboard : sequence of (Marker, ndarray or None)
-        Where other bodies are attached or loads act, and the normal of the plane to which those keep.
-
-    Returns
-    -------
-    ndarray, shape (n_nodes, 3, n_loads)
-        Nodal loads [N for unit rates, forces and torques].
+    Forces and torques are spread over the markers' faces: that of the joint that carries the body, and ``outboard``
+    where other bodies are attached or loads act, with the normal of the plane to which those keep. Loads of linear and
+    angular acceleration are left out: a free body balances them by itself, and what bends it is the reaction of its
+    joint. With the normal (3,) of the plane to which all motion keeps, there is one centrifugal load, two forces and
+    one torque at each marker; else the six products of two rates, and three forces and three torques at each marker.
     """
     fields = centrifugal_fields(fe.x - marker.position, axis)
     reactions = []
@@ -111,27 +99,13 @@ def enrich_modes(
     generations: int = 1,
     least: float = NEW_RESPONSE,
 ) -> tuple[Array, Array]:
-    """Add the static responses to loads to a modal basis; orthonormalise and diagonalise again.
+    """Add the static responses to loads (n_nodes, 3, n_loads) to a modal basis; orthonormalise and diagonalise again.
 
-    Parameters
-    ----------
-    modes : Modes
-        Eigenvectors; they come back unchanged in front of the new ones.
-    loads : ndarray, shape (n_nodes, 3, n_loads)
-        Nodal loads, as `fmd.reduction.loads` gives them.
-    constraints : ndarray, shape (n_nodes, 3, k), optional
-        Columns of the constraints of the modes; the responses are moved as rigid bodies until they meet these too.
-    generations : int
-        1 for the responses to the loads; each further one adds those to the inertia of the one before.
-    least : float
-        Part of a response's norm outside the modes from which on it is added, `NEW_RESPONSE` or `NEW_RESIDUAL_VECTOR`.
-
-    Returns
-    -------
-    omega : ndarray, shape (n,)
-        Angular frequencies of the enlarged basis [rad/s], ``Φᵀ K Φ = diag(ω²)``; n ≤ n_modes + generations · n_loads.
-    shapes : ndarray, shape (n_nodes, 3, n)
-        With unit modal mass [kg^-1/2].
+    Eigenvectors come back unchanged in front of the new ones. Responses are moved as rigid bodies until they meet
+    ``constraints`` (n_nodes, 3, k), those of the modes, too. Each generation beyond the first adds responses to the
+    inertia of the one before. ``least`` is the part of a response's norm outside the modes from which on it is added,
+    `NEW_RESPONSE` or `NEW_RESIDUAL_VECTOR`. Returned are ω (n,) [rad/s], ``Φᵀ K Φ = diag(ω²)``, n ≤ n_modes +
+    generations · n_loads, and shapes (n_nodes, 3, n) with unit modal mass.
     """
     Phi = modes.shapes.reshape(fe.K.shape[0], -1)
     B = None if constraints is None else constraints.reshape(fe.K.shape[0], -1)

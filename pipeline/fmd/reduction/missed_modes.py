@@ -21,25 +21,9 @@ def missed_eigenvalue(
 ) -> float | None:
     """Return an eigenvalue below the highest known one that belongs to none of the known modes.
 
-    Parameters
-    ----------
-    M : sparse array, shape (n, n)
-        Mass matrix.
-    Phi : ndarray, shape (n, k)
-        Known modes, rigid-body modes included, ``Φᵀ M Φ = 1``.
-    inverse : callable
-        ``(K − σ M)⁻¹``, symmetric.
-    shift : float
-        σ [rad²/s²].
-    highest : float
-        Highest eigenvalue of the known modes [rad²/s²].
-    block : int
-        Vectors that ``inverse`` takes at a time.
-
-    Returns
-    -------
-    float or None
-        Upper bound of the missed eigenvalue [rad²/s²]; ``None`` if no mode is missing.
+    That is an upper bound of it [rad²/s²], or ``None`` if no mode is missing. Known modes (n, k), rigid-body modes
+    included, have ``Φᵀ M Φ = 1`` and eigenvalues up to ``highest`` [rad²/s²]; ``inverse`` is ``(K − σ M)⁻¹``,
+    symmetric, at the ``shift`` σ [rad²/s²], and takes ``block`` vectors at a time.
     """
     theta = _largest_remaining(M, Phi, inverse, 1.0 / (highest - shift), block)
     missed = shift + 1.0 / theta if theta > 0.0 else np.inf

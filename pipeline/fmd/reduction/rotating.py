@@ -50,23 +50,11 @@ def rotating_modes(
 ) -> WhirlingModes:
     """Return the small vibrations of a body that turns at a constant rate about its joint, as the hub sees them.
 
-    The equations are linearised about the undeformed state: with ``D = Σ (δ_ab − e_a e_b) G[a, b]`` and
-    ``A = ε_abc e_a G[b, c]``, ``M̂ ẍ + (diag(2 ζ ω) − 2 Ω A) ẋ + (diag(ω²) − Ω² D) x = 0``. A stiffened body has its
-    geometric stiffness in D. With the same matrices a complex vibration x has the circulation
-    ``−Im(xᴴ A x) / xᴴ D' x``, D' without geometric stiffness.
-
-    Parameters
-    ----------
-    body : FlexibleBody
-        Reduced body; its joint lies on the axis.
-    axis : ndarray, shape (3,)
-        Axis of rotation in the body's frame.
-    rate : float
-        Ω [rad/s].
-    hub_is_free : bool
-        Whether the hub may vibrate about the axis too; its rotation then is one more coordinate.
-    ratios : ndarray, shape (n,), optional
-        Damping ratio of each mode.
+    The joint lies on the axis (3,), in the body's frame, and Ω [rad/s] is the rate; a hub that is free may vibrate
+    about the axis too, by one more coordinate. Modes have damping ratios (n,). The equations are linearised about the
+    undeformed state: with ``D = Σ (δ_ab − e_a e_b) G[a, b]`` and ``A = ε_abc e_a G[b, c]``, ``M̂ ẍ + (diag(2 ζ ω) − 2 Ω
+    A) ẋ + (diag(ω²) − Ω² D) x = 0``. A stiffened body has its geometric stiffness in D. With the same matrices a
+    complex vibration x has the circulation ``−Im(xᴴ A x) / xᴴ D' x``, D' without geometric stiffness.
     """
     e, G = axis / np.linalg.norm(axis), body.integrals.G
     D = np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), G)

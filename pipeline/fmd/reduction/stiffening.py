@@ -46,29 +46,14 @@ def stiffen_body(
     elements: bool = True,
     advance: Advance = lambda done: None,
 ) -> FlexibleBody:
-    """Add the displacement of second order to a reduced body: to its inertia, and to its markers.
+    """Add the displacement of second order to a reduced body: to its inertia, and to its markers; frequencies stay.
 
-    Parameters
-    ----------
-    constraints : ndarray, shape (n_nodes, 3, k), optional
-        Columns of the reactions of its joint, as `Marker.columns` gives them; without, the body moves freely.
-    axis : ndarray, shape (3,), optional
-        Axis of a plane motion, with one product of rates and one angular acceleration; without, six and three.
-    linear : bool
-        True for the displacement's momentum as the frame is accelerated; without, what the body has of it stays.
-    moving : mapping of str to Marker, optional
-        Markers whose displacement of second order is wanted: those that bodies or loads act on, and any to look at.
-    free : ndarray, shape (k, 3), optional
-        Directions about which the joint lets a body turn that stands on supports.
-    elements : bool
-        False for the arms of links alone, which need no stress.
-    advance : callable
-        Takes the part that is done.
-
-    Returns
-    -------
-    FlexibleBody
-        With other inertia integrals and markers; shapes and frequencies stay.
+    ``constraints`` (n_nodes, 3, k) are columns of the reactions of its joint, as `Marker.columns` gives them; without,
+    the body moves freely. About directions ``free`` (k, 3) the joint lets a body turn that stands on supports. With the
+    axis (3,) of a plane motion there are one product of rates and one angular acceleration; without, six and three.
+    Unless ``linear``, what the body has of the displacement's momentum as the frame is accelerated stays. ``moving``
+    are the markers whose displacement of second order is wanted: those that bodies or loads act on, and any to look at.
+    Without ``elements`` only the arms of links count, which need no stress. ``advance`` takes the part that is done.
     """
     x, n = body.x, len(body.omega)
     moving, turns = moving or {}, np.eye(3) if axis is None else axis[None] / np.linalg.norm(axis)

@@ -24,22 +24,10 @@ def draw_campbell(
     crossings: Sequence[tuple[float, float]] = (),
     unstable: Sequence[tuple[float, float]] = (),
 ) -> None:
-    """Draw frequencies over the rate of rotation, and multiples of the rate.
+    """Draw frequencies (n_rates, n_modes) [Hz] over the rate of rotation, and multiples of the rate, 1 to 4 by default.
 
-    Parameters
-    ----------
-    rates : ndarray, shape (n_rates,)
-        Rates of rotation, in ``unit``.
-    frequencies_hz : ndarray, shape (n_rates, n_modes)
-        [Hz]; NaN where a rate has fewer modes.
-    unit : str
-        ``rad/s`` or ``rpm``.
-    orders : sequence of float, optional
-        Multiples of the rate that are drawn; 1 to 4 by default.
-    crossings : sequence of tuple of float
-        Rates and frequencies [Hz] that are marked.
-    unstable : sequence of tuple of float
-        Ranges of rates that are shaded: there a vibration grows.
+    Rates (n_rates,) are in ``unit``, ``rad/s`` or ``rpm``; NaN stands where a rate has fewer modes. Crossings, of rates
+    and frequencies, are marked, and ranges of rates shaded in which a vibration grows.
     """
     once = rates / (60 if unit == "rpm" else 2 * np.pi)  # revolutions in a second
     top = 1.05 * float(np.nanmax(frequencies_hz))

@@ -87,21 +87,11 @@ def draw_chart(
     component_labels: Sequence[str] = (),
     band: Band | None = None,
 ) -> None:
-    """Draw curves over time and, below, the difference of each further curve from the first if there is any.
+    """Draw curves over times (n_times,) [s] and, below, the difference of each further one from the first.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n_times,)
-        Times [s].
-    curves : sequence of Curve
-        All of one shape; the others are compared with the first.
-    path : Path
-        PNG of 1600 × 960 pixels, PDF or SVG.
-    ylabel : str
-        The quantity with its unit in brackets, e.g. ``velocity [m/s]``.
-        Lengths below 1 m are drawn in mm, µm or nm.
-    component_labels : sequence of str
-        Names of the components; may be empty if there is only one.
+    All curves have one shape. The file is a PNG of 1600 × 960 pixels, PDF or SVG. ``ylabel`` is the quantity with its
+    unit in brackets, e.g. ``velocity [m/s]``; lengths below 1 m are drawn in mm, µm or nm. Names of the components may
+    be empty if there is only one.
 
     Raises
     ------

@@ -49,18 +49,11 @@ def draw_film(
     quantity: str = STRESS,
     camera: Camera | None = None,
 ) -> None:
-    """Film a mechanism with a camera at rest that sees the whole motion.
+    """Film a mechanism with a camera at rest that sees the whole motion, at a rate of frames per second.
 
-    Parameters
-    ----------
-    path : Path
-        The film, ``.mp4`` (H.264) or ``.gif``; no file is left if a frame fails.
-    rate : float
-        Frames per second.
-    clim_pa : ndarray, shape (n_frames, 2), optional
-        Stress of the lowest and of the highest colour in each frame [Pa]; without, there is no colour bar.
-    quantity : str
-        Label of the colour bar, which is in MPa.
+    The file is ``.mp4`` (H.264) or ``.gif``; none is left if a frame fails. The stress of the lowest and of the highest
+    colour in each frame is ``clim_pa`` (n_frames, 2) [Pa]; without, there is no colour bar, whose label ``quantity`` is
+    in MPa.
 
     Raises
     ------

@@ -126,18 +126,9 @@ def draw_stress(
 ) -> Projection:
     """Draw a stress on the deformed part over the undeformed one, and label its largest value.
 
-    Parameters
-    ----------
-    displacement : ndarray, shape (n_points, 3)
-        [m].
-    stress : ndarray, shape (n_points,)
-        Von Mises stress or a component [Pa]; the largest absolute value is labelled.
-    scale : float
-        Factor on the displacement, noted in the picture unless it is 1.
-    quantity : str
-        Label of the colour bar, which is in MPa.
-    clim_pa : tuple of float, optional
-        Stress of the lowest and of the highest colour [Pa]; by default `stress_limits`.
+    That is the largest by size of von Mises stress or a component (n_points,) [Pa], under a displacement (n_points, 3)
+    [m] whose scale is noted in the picture unless it is 1. ``quantity`` is the label of the colour bar, in MPa,
+    ``clim_pa`` the stress of its lowest and highest colour [Pa], by default `stress_limits`.
 
     Raises
     ------

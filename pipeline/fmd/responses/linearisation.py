@@ -46,13 +46,7 @@ Motions = Mapping[int, tuple[float, float, float]]
 
 
 class Linearisation:
-    """Linearisation of a mechanism for given inputs and outputs, at any of its states.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Rigid and flexible bodies in a tree or with loops.
-    """
+    """Linearisation of a mechanism for given inputs and outputs, at any of its states; it may have loops."""
 
     def __init__(self, mechanism: Mechanism, inputs: Sequence[Port], outputs: Sequence[Port]) -> None:
         self.mechanism, self.inputs, self.outputs = mechanism, tuple(inputs), tuple(outputs)

@@ -30,11 +30,8 @@ def random_response(frequencies_hz: Array, response: Array, input_density: Calla
     """Return the densities ``|H|² S`` of outputs by one input, and their root mean squares.
 
     Frequencies [Hz] ascend, closer about the resonances; the response (n_frequencies, n_outputs) is complex, and the
-    input's one-sided power spectral density a function of frequencies [unit²/Hz].
-
-    References
-    ----------
-    Newland, An Introduction to Random Vibrations, Spectral and Wavelet Analysis, 3rd ed., 1993, chapter 7.
+    input's one-sided power spectral density a function of frequencies [unit²/Hz] (Newland, An Introduction to Random
+    Vibrations, Spectral and Wavelet Analysis, 3rd ed., 1993, chapter 7).
     """
     density = np.abs(response) ** 2 * input_density(frequencies_hz)[:, None]
     return RandomResponse(frequencies_hz, density, np.sqrt(np.trapezoid(density, frequencies_hz, axis=0)))

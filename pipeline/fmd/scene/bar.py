@@ -14,9 +14,7 @@ from fmd.scene.values import Count, Order
 class BarMesh(DividedMesh):
     """Division of a bar into elements: hexahedra by their numbers, tetrahedra by their size.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.beam.mesh]
         element = "hexahedron"
@@ -51,9 +49,7 @@ class Bar(Solid):
 
     Its faces are ``x-`` (where x is least), ``x+``, ``y-``, ``y+``, ``z-`` and ``z+``; its one part is ``bar``.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.beam]
         shape = "bar"

@@ -21,9 +21,7 @@ _ENDS = ("x-", "x+")
 class BeamMesh(SceneTable):
     """Division of a shaft or profile into beams.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.rotor.mesh]
         size = "20 mm"
@@ -120,9 +118,7 @@ class MeshedBeam(Solid):
 class ShaftSegment(SceneTable):
     """A piece of a shaft of one diameter.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[body.rotor.segment]]
         length = "100 mm"
@@ -144,9 +140,7 @@ class Shaft(MeshedBeam):
 
     Its faces are ``x-`` (where x is least), ``x+`` and its stations; its parts are ``segment-1``, ``segment-2`` …
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.rotor]
         shape = "shaft"
@@ -188,9 +182,7 @@ class Shaft(MeshedBeam):
 class Rectangle(SceneTable):
     """A rectangular section.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.rail.section]
         type = "rectangle"
@@ -207,9 +199,7 @@ class Rectangle(SceneTable):
 class Box(SceneTable):
     """A rectangular tube as a section.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.rail.section]
         type = "box"
@@ -232,9 +222,7 @@ class Box(SceneTable):
 class ISection(SceneTable):
     """An I-section, its web along z.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.rail.section]
         type = "I"
@@ -265,9 +253,7 @@ class Profile(MeshedBeam):
     Its faces are ``x-`` (where x is least), ``x+`` and its stations; its one part is ``profile``. Warping of the
     section is free: an I or a box that is clamped where it is twisted is stiffer.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.rail]
         shape = "profile"

@@ -18,9 +18,7 @@ class BearingTable(FormulaVariable):
     The shaft's speed is its rate of rotation against the housing. Before and after the table its first and its last
     value hold.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [bearing.drive_end.radial]
         arguments = [0, 1500, 3000, 6000]

@@ -13,9 +13,7 @@ from fmd.scene.values import JointName, Number
 class Gear(SceneTable):
     """A gear pair: one hinge's angle is a multiple of another's, ``angle = ratio · angle of driver + offset``.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [coupler.gears]
         type = "gear"
@@ -43,9 +41,7 @@ class Gear(SceneTable):
 class Slides(SceneTable):
     """Slides that move together, as jaws of a gripper: ``position = ratio · position of driver + offset``.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [coupler.jaws]
         type = "slides"
@@ -73,9 +69,7 @@ class Slides(SceneTable):
 class Rack(SceneTable):
     """A rack and pinion: a slide's displacement follows a hinge's angle, ``position = radius · angle + offset``.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [coupler.steering]
         type = "rack"

@@ -22,9 +22,7 @@ class Contact(SceneTable):
     body touches with one of its surfaces, a ball, a box, a pin, a bore or triangles of a file, whose flexibility is a
     half-space's.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [contact.floor]
         between = ["ground", "block.bottom"]

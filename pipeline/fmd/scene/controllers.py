@@ -44,9 +44,7 @@ class PidController(Controller):
     integral back, in the time ``tracking_time`` (Åström & Hägglund, Advanced PID Control, 2006, section 3.5). With a
     sample time it measures at times 0, T, 2 T … and holds its output in between.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [controller.servo]
         type = "pid"
@@ -131,9 +129,7 @@ class PidController(Controller):
 class LagController(Controller):
     """A first-order lag: its output y follows its input u by ``time_constant dy/dt = u − y``.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [controller.valve]
         type = "lag"
@@ -157,9 +153,7 @@ class LagController(Controller):
 class ExternalValue(SceneTable):
     """A value that a program in Python sets between steps, see docs/control.md; ``fmd run`` keeps the one given here.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [controller.command]
         type = "external"
@@ -182,9 +176,7 @@ class FmuController(Controller):
     From sample to sample it advances by itself, and the mechanism with what it has given. How both exchange values sets
     the order in which the error falls with the sample time, see docs/control.md. It takes the extra ``fmu``.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [controller.valve]
         type = "fmu"

@@ -127,9 +127,7 @@ class TimeFunction(FormulaOrTable):
     or in a ``file``: text in columns, divided by commas, semicolons, tabs or spaces, with the columns' names in the
     first row or none.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [drive.swing.torque]
         times = ["0 s", "0.1 s", "0.3 s"]
@@ -241,9 +239,7 @@ class PositionOverTime(TimeFunction):
 class ForceByElongation(FormulaOrTable):
     """Force of a nonlinear spring by its elongation: a formula, or a table in the scene or in a CSV file.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [spring.bump.force]
         elongations = ["-30 mm", "-10 mm", "0 mm", "40 mm"]

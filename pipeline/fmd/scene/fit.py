@@ -13,9 +13,7 @@ from fmd.scene.values import Count
 class MeasuredFile(SceneTable):
     """A file of what was measured in one experiment, by which ``fmd fit`` finds numbers of the scene.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[fit.experiment]]
         file = "heavy.uff"
@@ -37,9 +35,7 @@ class MeasuredFile(SceneTable):
 class FitTable(SceneTable):
     """Numbers that ``fmd fit`` finds from measurements, as its options say it; options come before this table.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [fit]
         vary = ["joint.elbow.spring=10..200", "body.gripper.mass"]

@@ -52,9 +52,7 @@ def require_a_side(low: float | None, high: float | None) -> None:
 class LengthStop(SceneTable):
     """End stops of a slide, or of the length of a spring: a spring and a damper beyond a place.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [joint.slide.stop]
         low = "-20 mm"
@@ -77,9 +75,7 @@ class LengthStop(SceneTable):
 class AngleStop(SceneTable):
     """End stops of a hinge: a spring and a damper beyond an angle.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [joint.elbow.stop]
         low = "-10 deg"
@@ -101,9 +97,7 @@ class AngleStop(SceneTable):
 class Spring(SceneTable):
     """A spring and damper along the line between two places, each a marker of a body or a place on the ground.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [spring.strut]
         between = ["ground.tower", "arm.seat"]
@@ -136,9 +130,7 @@ class Spring(SceneTable):
 class Bushing(SceneTable):
     """Springs and dampers in six directions between two places: along axes of the first one, and about them.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [bushing.front]
         between = ["ground.front", "arm.front"]
@@ -174,9 +166,7 @@ class Bushing(SceneTable):
 class Bearing(SceneTable):
     """A bearing that holds a shaft along and across its axis by springs, and lets it turn and tilt.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [bearing.drive_end]
         between = ["ground.pedestal", "rotor.drive_end"]

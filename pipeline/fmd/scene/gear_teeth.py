@@ -22,9 +22,7 @@ class GearTeethContact(SceneTable):
     where the flanks do. At the start flanks touch without load, those by which the pinion drives as it turns about its
     hinge's axis. The gears' modes don't take part: the teeth's flexibility is that of their meshes, from the bores on.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [gear_mesh.first]
         pinion = "pinion"

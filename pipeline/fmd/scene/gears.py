@@ -22,9 +22,7 @@ EvenCount = Annotated[Count, Field(multiple_of=2)]
 class GearTeethMesh(SceneTable):
     """Division of a gear into hexahedra of second order, with nodes on the involutes and fillets.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.pinion.mesh]
         teeth = 3
@@ -48,9 +46,7 @@ class SpurGear(Solid):
     The faces are ``bore``, ``back`` and ``front`` (where z is least and greatest), and of all meshed teeth ``flanks``
     (the involutes), ``roots`` (the fillets and the lands between them) and ``tips``; its one part is ``gear``.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.pinion]
         shape = "spur-gear"
@@ -125,9 +121,7 @@ class GearMesh(SceneTable):
     It takes the meshes of the bodies alone, and no motion. A ``.png``, ``.pdf`` or ``.svg`` is a chart, with a table
     (``.csv``) of the same name beside it.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "gear-mesh"

@@ -89,9 +89,7 @@ class History(Quantities):
     A ``.csv`` has a column for each number, named with its unit, over the first run; a ``.nc`` has a variable for each
     quantity, over all runs; a ``.png``, ``.pdf`` or ``.svg`` a chart for each quantity over the first run.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "history"
@@ -113,9 +111,7 @@ class ExtremesTable(Quantities):
     Vectors have a row for each component and one for their size. The table stands in the summary, too, under
     ``tables``.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "table"

@@ -33,9 +33,7 @@ from fmd.scene.values import (
 class MeshFile(DividedMesh, SectorMesh):
     """A mesh that another program made: Abaqus, Nastran, Ansys, Gmsh, MED, VTK and more.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.bracket.mesh]
         file = "bracket.inp"
@@ -69,9 +67,7 @@ class MeshFile(DividedMesh, SectorMesh):
 class CadFile(SectorMesh):
     """A CAD file whose solids are meshed with tetrahedra that follow its curved faces, or which is meshed as a shell.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.bracket.mesh]
         cad = "bracket.step"
@@ -126,9 +122,7 @@ class CadFile(SectorMesh):
 class Substance(SceneTable):
     """Material of one of a body's parts, where it differs from that of the whole body.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.bracket.material.bush]
         E = "110 GPa"
@@ -178,9 +172,7 @@ class Imported(Layerable):
 class MeshedPart(Imported):
     """A body whose mesh is read from a file; the file's surfaces and sets are its faces and parts.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.bracket]
         mesh = { file = "bracket.inp", unit = "mm" }
@@ -214,9 +206,7 @@ class CadPart(Imported):
     The file's solids are its parts; its faces have their names in STEP, their colour ``"#ff0000"`` and a number
     ``face-7``.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.bracket]
         mesh = { cad = "bracket.step", size = "5 mm" }
@@ -265,9 +255,7 @@ class Meshless(Deformable):
 class MatrixPart(Meshless):
     """A body without a mesh, given by its matrices: it has modes and motion, and stress if a file has it.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.beam]
         matrices = { stiffness = "K.mtx", mass = "M.mtx", nodes = "nodes.csv", unit = "m" }

@@ -13,9 +13,7 @@ from fmd.scene.values import Axis, Number, Poisson, Text
 class PlyStrength(SceneTable):
     """Strengths of a ply in its own axes, each above 0.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.wing.lamina.carbon.strength]
         Xt = "1500 MPa"
@@ -37,9 +35,7 @@ class PlyStrength(SceneTable):
 class LaminaTable(SceneTable):
     """Orthotropic material of plies: 1 is along the fibres, 2 across them in the ply, 3 through it.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.wing.lamina.carbon]
         E1 = "135 GPa"
@@ -69,9 +65,7 @@ class LaminaTable(SceneTable):
 class Layer(SceneTable):
     """A ply of a laminate.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[body.wing.layers]]
         material = "carbon"

@@ -18,9 +18,7 @@ class FaceLink(SceneTable):
     Exactly one of ``face``, ``near`` and ``plane`` says which face, as for a marker. Other parts hang on the reference
     by a marker ``{ link = "NAME" }``, and a lumped mass by its ``at``.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.bracket.link]
         bearing = { face = "bore", type = "rigid", at = ["42 mm", "0 mm", "30 mm"] }
@@ -51,9 +49,7 @@ class FaceLink(SceneTable):
 class MassOnLink(SceneTable):
     """A rigid body on the reference point of a link: a motor, a wheel, what is bolted on.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.bracket.mass]
         motor = { at = "bearing", mass = "0.4 kg", inertia = ["1e-4 kg m^2", "1e-4 kg m^2", "2e-4 kg m^2"] }
@@ -72,9 +68,7 @@ class MassOnLink(SceneTable):
 class TiedFace(SceneTable):
     """A face that stays together with another, of a part whose mesh has no nodes in common with its own.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[body.box.mesh.tie]]
         face = "lid-rim"

@@ -44,9 +44,7 @@ class JointDrive(SceneTable):
 class PulseDrive(JointDrive):
     """A torque about a revolute joint that rises and falls as half a sine, given by its effect or by its peak.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [drive.spin_up]
         type = "torque pulse"
@@ -88,9 +86,7 @@ class PulseDrive(JointDrive):
 class TorqueDrive(JointDrive):
     """A torque about a revolute joint, constant or changing with time.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [drive.swing]
         type = "torque"
@@ -110,9 +106,7 @@ class TorqueDrive(JointDrive):
 class ForceDrive(JointDrive):
     """A force along a prismatic joint, constant or changing with time.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [drive.push]
         type = "force"
@@ -135,9 +129,7 @@ class ForceDrive(JointDrive):
 class MotionDrive(JointDrive):
     """A prescribed motion of a joint, which then has no coordinate of its own, no spring and no damper.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [drive.rotation]
         type = "motion"
@@ -185,9 +177,7 @@ class MarkerLoad(SceneTable):
 class PointForce(MarkerLoad):
     """A force on a marker of a body, in a direction that is fixed in space or turns with the marker.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [drive.gust]
         type = "point force"
@@ -203,9 +193,7 @@ class PointForce(MarkerLoad):
 class PointTorque(MarkerLoad):
     """A torque on a marker of a body, about a direction that is fixed in space or turns with the marker.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [drive.twist]
         type = "point torque"

@@ -11,9 +11,7 @@ from fmd.scene.values import LengthUnit, MassUnit, SourceFile, UnitCheck
 class MatrixFiles(SceneTable):
     """Files that hold a body's matrices as another program wrote them, three or six unknowns a node.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.beam.matrices]
         stiffness = "K.mtx"

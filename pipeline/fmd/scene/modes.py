@@ -33,9 +33,7 @@ Rate = Annotated[
 class RayleighDamping(SceneTable):
     """Damping proportional to mass and stiffness, ``C = α M + β K``: a ratio of ``α/2ω + β ω/2`` for each mode.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.beam.modes.damping]
         alpha = "12 1/s"
@@ -86,9 +84,7 @@ Enrichment = Literal["none", "inertia", "ritz", "residual"]
 class ModeSettings(SceneTable):
     """The shapes that describe a flexible body's deformation, and how they are computed.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.beam.modes]
         count = 5
@@ -137,9 +133,7 @@ class ModeSettings(SceneTable):
 class ReducedModes(SceneTable):
     """Damping of a body that was reduced by another program; its shapes are those of its file.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.arm.modes]
         damping = 0.01

@@ -17,9 +17,7 @@ from fmd.scene.values import Axis, Turn
 class AxisDirections(SceneTable):
     """Directions of two of three axes; the third completes a right-handed system.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.arm.marker.wrist.axes]
         x = [0.6, 0.8, 0]

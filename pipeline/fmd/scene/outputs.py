@@ -99,9 +99,7 @@ PortName = Annotated[Text, Words('text, e.g. ``"plate.tip.z"``')]
 class Chart(SceneTable):
     """A chart of one quantity over time with the curves of all runs.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "chart"
@@ -154,9 +152,7 @@ class Orbit(SceneTable):
     A ``.png``, ``.pdf`` or ``.svg`` has a curve for each run, with a dot where it begins; a ``.csv`` has time and place
     over the first run.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "orbit"
@@ -177,9 +173,7 @@ class Orbit(SceneTable):
 class FrequencyResponseChart(SceneTable):
     """Frequency response of the scene, linearised about a state: chart, table and NetCDF file.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "frf"
@@ -231,9 +225,7 @@ class Export(SceneTable):
     ``.msh`` and ``.vtu`` hold the mesh with its parts, ``.vtkhdf`` displacement and stress at several times for
     ParaView, ``.nc`` the reduced body: modes, mass, stiffness, inertia integrals and the stress of each mode.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "export"

@@ -53,9 +53,7 @@ class BodyPicture(PictureSettings):
 class MeshPicture(BodyPicture):
     """A picture of a body's mesh with its parts in different colours.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "mesh"
@@ -70,9 +68,7 @@ class MeshPicture(BodyPicture):
 class ModePictures(BodyPicture):
     """A picture of each mode shape, one file a mode.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "modes"
@@ -89,9 +85,7 @@ class ModePictures(BodyPicture):
 class ModeSheet(BodyPicture):
     """One picture of the first elastic modes side by side.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "mode sheet"
@@ -127,9 +121,7 @@ class StressPicture(MechanismView):
 
     In a scene with a single body, or with ``alone``, it is drawn in its own frame over its undeformed shape.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "stress"
@@ -144,9 +136,7 @@ class StressPicture(MechanismView):
 class MechanismPicture(MechanismView):
     """A picture of the whole mechanism at one time.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "mechanism"
@@ -163,9 +153,7 @@ class Film(MechanismView):
 
     The camera sees the whole motion.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "film"

@@ -43,9 +43,7 @@ class MarkerPlace(Orientation):
     force at a point or on an edge has no finite deflection under it: on finer meshes it grows, and so does the stress
     around it, which is left out of the largest stress. Take faces for joints and loads, points for results.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.bracket.marker]
         bore = { face = "bore" }
@@ -111,9 +109,7 @@ class Support(SceneTable):
 
     Exactly one of ``face``, ``edge`` and ``point`` says which nodes.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[body.plate.support]]
         face = ["x-", "z-"]
@@ -149,9 +145,7 @@ class Support(SceneTable):
 class NamedElement(SceneTable):
     """A finite element of a flexible body, named so that a chart can draw its stress over time.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.propeller.element]
         joint = { part = "joints", at = ["86 mm", "4 mm", "5 mm"] }
@@ -167,9 +161,7 @@ class GroundPlace(Orientation):
 
     Its axes are those of space, or turned against them; a joint's axis, and the body that it carries, are in them.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [ground.bearing]
         at = ["1 m", "0 m", "0 m"]

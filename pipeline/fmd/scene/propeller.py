@@ -18,9 +18,7 @@ Sections = Annotated[tuple[PositiveLength, ...], Field(min_length=1, max_length=
 class PropellerMesh(DividedMesh):
     """Division of a propeller into elements that conform from sleeve to joint to blade.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.propeller.mesh]
         order = 1
@@ -52,9 +50,7 @@ class Propeller(Solid):
     least and greatest), and of each blade ``tip-1``, ``pressure-1``, ``suction-1`` and so on; the parts are ``sleeve``,
     ``joints`` and ``blades``.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.propeller]
         shape = "propeller"

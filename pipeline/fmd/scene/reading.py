@@ -78,15 +78,7 @@ SYNONYMS = {
 
 
 class FaultError(ValueError):
-    """A fault at a key below the table that is being checked.
-
-    Parameters
-    ----------
-    message : str
-        What is wrong and what would work.
-    path : str or int
-        The keys from the table to the value at fault.
-    """
+    """A fault at keys below the table that is being checked; the message says what is wrong and what would work."""
 
     def __init__(self, message: str, *path: str | int) -> None:
         self.path = path
@@ -94,20 +86,9 @@ class FaultError(ValueError):
 
 
 class UnknownNameError(FaultError):
-    """A name that nothing in the scene has.
+    """A name that nothing in the scene has, with those that such things, e.g. of the kind ``"joint"``, have.
 
-    Parameters
-    ----------
-    what : str
-        Kind of thing that is named, e.g. ``"joint"``.
-    name : str
-        The name.
-    names : iterable of str
-        Names that there are.
-    words : str
-        What these are, e.g. ``"the joints"``.
-    path : str or int
-        As of `FaultError`.
+    ``words`` say what these are, e.g. ``"the joints"``; the path is that of `FaultError`.
     """
 
     def __init__(self, what: str, name: str, names: Iterable[str], words: str, *path: str | int) -> None:

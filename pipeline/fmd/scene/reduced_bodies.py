@@ -19,9 +19,7 @@ class BodyFile(SceneTable):
 
     Units, nodes and mass belong to superelements; other files are in SI units and have all of that.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.arm.body]
         file = "arm.SID_FEM"
@@ -52,9 +50,7 @@ class BodyFile(SceneTable):
 class FileNode(Orientation):
     """A named place on a reduced body, where joints and loads act and motion is recorded, with axes of its own.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.arm.marker]
         root = { node = "1" }
@@ -81,9 +77,7 @@ class FileNode(Orientation):
 class ReducedPart(Meshless):
     """A body that another program has reduced: it has motion and, if its file has it, stress, but no mesh.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.arm]
         body = { file = "arm.SID_FEM" }

@@ -27,9 +27,7 @@ def require_possible_moments(inertia: tuple[float, float, float]) -> None:
 class PointMarker(Orientation):
     """A named point of a rigid body, where joints and loads act and motion is recorded, with axes of its own.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.upper.marker]
         elbow = { at = ["0.5 m", "0 m", "0 m"] }
@@ -58,9 +56,7 @@ class Undeformable(SceneTable):
 class Rod(Undeformable):
     """A uniform slender rigid rod along x, from the origin of its frame.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.rod]
         shape = "rod"
@@ -76,9 +72,7 @@ class Rod(Undeformable):
 class PointMass(Undeformable):
     """A rigid body without extent: a mass in the origin of its frame.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.slider]
         shape = "point"
@@ -92,9 +86,7 @@ class PointMass(Undeformable):
 class RigidBody(Undeformable):
     """A rigid body of any shape, given by its mass, centre of mass and moments of inertia.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.gripper]
         shape = "rigid"

@@ -22,9 +22,7 @@ class ElasticSurface(SceneTable):
 class BallSurface(ElasticSurface):
     """A ball, or a rounded tip.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.bob.surface.skin]
         type = "ball"
@@ -41,9 +39,7 @@ class BallSurface(ElasticSurface):
 class BoxSurface(ElasticSurface):
     """A box with rounded edges and corners.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.crate.surface.skin]
         type = "box"
@@ -86,9 +82,7 @@ class AxialSurface(ElasticSurface):
 class PinSurface(AxialSurface):
     """The outside of a cylinder.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.rod.surface.journal]
         type = "pin"
@@ -105,9 +99,7 @@ class PinSurface(AxialSurface):
 class BoreSurface(AxialSurface):
     """The inside of a cylinder.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.slider.surface.bore]
         type = "bore"
@@ -124,9 +116,7 @@ class BoreSurface(AxialSurface):
 class FileSurface(ElasticSurface):
     """Triangles of an STL, OBJ or CAD file, counter-clockwise seen from outside, whose corners touch: 1,000 at most.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.hook.surface.skin]
         type = "file"

@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 class CentralDifferenceRun(SteppedRun):
     """Central differences in leapfrog form: explicit, order 2, stable for steps below 2 / ω of the highest mode.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[simulation.run]]
         integrator = "central-difference"
@@ -42,9 +40,7 @@ class SubCyclingRun(SubCycledRun):
     the mass matrix it is weakly unstable at any step; ``fmd stability`` computes what a scene stands. While surfaces of
     a contact touch, or may in the next cycle, all coordinates take the fast step.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[simulation.run]]
         integrator = "sub-cycling"
@@ -84,9 +80,7 @@ class ReversibleSubCyclingRun(SubCycledRun):
     Forces of modes, springs and dampers act at each step; the mass matrix and all other forces are evaluated at the
     middle of each major cycle.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[simulation.run]]
         integrator = "reversible-sub-cycling"
@@ -112,9 +106,7 @@ class ExponentialRun(SteppedRun):
 
     It takes no joint with rotations in space: no spherical and no free joint.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[simulation.run]]
         integrator = "exponential"
@@ -132,9 +124,7 @@ class ExponentialRun(SteppedRun):
 class RosenbrockRun(TolerantRun):
     """Exponential Rosenbrock method of order 4 that linearises anew in each step and chooses its steps.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[simulation.run]]
         integrator = "exponential-rosenbrock"
@@ -152,9 +142,7 @@ class RosenbrockRun(TolerantRun):
 class RungeKuttaRun(TolerantRun):
     """Runge-Kutta method of order 8 by Dormand and Prince, explicit, that chooses its steps.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[simulation.run]]
         integrator = "runge-kutta"
@@ -171,9 +159,7 @@ class RungeKuttaRun(TolerantRun):
 class GeneralizedAlphaRun(SteppedRun):
     """Generalised-α method: implicit, order 2, with damping of the high frequencies that its step can't resolve.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[simulation.run]]
         integrator = "generalized-alpha"
@@ -205,9 +191,7 @@ class GeneralizedAlphaRun(SteppedRun):
 class ScipyRun(TolerantRun):
     """Methods of SciPy that choose their steps, as references: Radau is implicit, LSODA switches by stiffness.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[simulation.run]]
         integrator = "Radau"
@@ -235,9 +219,7 @@ class AutoRun(SteeredRun):
     With contacts it stands for ``generalized-alpha`` where a face of elements touches, for ``central-difference`` where
     only rigid surfaces do, with steps halved until impulses, largest forces and heat agree to ``simulation.error``.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[simulation.run]]
         integrator = "auto"

@@ -30,9 +30,7 @@ _NAMED = tuple(name for name, field in SceneTables.model_fields.items() if get_o
 class PublishedResults(SceneTable):
     """Published results to compare with.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [reference]
         source = "Table 1"
@@ -46,13 +44,7 @@ class PublishedResults(SceneTable):
 class Scene(SceneTables):
     """Bodies and joints, what drives them, how they are integrated over time, and the results that are written.
 
-    Notes
-    -----
-    ``model_dump(mode="json")`` is a scene's content, for hashing.
-
-    Examples
-    --------
-    ::
+    Example:
 
         title = "Pendulum"
 

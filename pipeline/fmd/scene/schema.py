@@ -164,21 +164,13 @@ def read_meanings(table: type[SceneTable]) -> dict[str, str]:
 
 def read_docstring(table: type[SceneTable]) -> tuple[list[str], str]:
     """Return the paragraphs at a docstring's beginning and the TOML of its example, empty if it has none."""
-    sections = _split_docstring(table)
-    paragraphs = [to_markdown(paragraph) for paragraph in sections[""].strip().split("\n\n")]
-    example = inspect.cleandoc(sections.get("Examples", "").strip().removeprefix("::").lstrip("\n"))
-    return paragraphs, example
+    text, _, example = inspect.cleandoc(table.__doc__ or "").partition("\n\nExample:\n")
+    return [to_markdown(paragraph) for paragraph in text.split("\n\n")], inspect.cleandoc(example.lstrip("\n"))
 
 
 def to_markdown(text: str) -> str:
     """Turn a docstring's text into one line of Markdown."""
     return re.sub(r"\s+", " ", text.replace("``", "`")).strip()
-
-
-def _split_docstring(table: type) -> dict[str, str]:
-    """Return the sections of a class's own numpydoc docstring by heading; the beginning has none."""
-    parts = re.split(r"^(\w+)\n-+\n", inspect.cleandoc(table.__doc__ or ""), flags=re.MULTILINE)
-    return {"": parts[0]} | dict(zip(parts[1::2], parts[2::2], strict=True))
 
 
 if __name__ == "__main__":

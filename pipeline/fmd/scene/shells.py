@@ -14,9 +14,7 @@ from fmd.scene.values import Count
 class ShellMesh(SceneTable):
     """Division of a plate or tube into shell elements.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.plate.mesh]
         divisions = [40, 16]
@@ -75,9 +73,7 @@ class Plate(MeshedShell):
     Its faces are ``x-`` (where x is least), ``x+``, ``y-``, ``y+``, ``z-`` (the lower side) and ``z+``; its one part is
     ``plate``.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.plate]
         shape = "plate"
@@ -102,9 +98,7 @@ class Tube(MeshedShell):
 
     Its faces are ``x-`` (where x is least), ``x+``, ``inside`` and ``outside``; its one part is ``tube``.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [body.tower]
         shape = "tube"

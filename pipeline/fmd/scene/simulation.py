@@ -16,9 +16,7 @@ from fmd.scene.values import JointName, MarkerName, Number, three_along
 class Simulation(SceneTable):
     """The integration over time: its duration, its settings, and the runs by one or several integrators.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [simulation]
         duration = "0.5 s"

@@ -67,9 +67,7 @@ class FormulaVariable(SceneTable):
     ``"body.marker.x"`` or ``"body.marker.vx"``. A curve is a table, in the scene or in a file. The formula calls it
     with a value, ``gas(q)``, or with the time, ``ref(t)``; ``ref.rate`` and ``ref.acceleration`` are its derivatives.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [drive.gas.torque.variables.pressure]
         arguments = [0, 10, 30, 60, 180, 540, 720]
@@ -225,9 +223,7 @@ class FormulaVariables(SceneTable):
 class LoadOverTime(TimeFunction, FormulaVariables):
     """A force or torque that is constant, changes with time, or follows the mechanism's own motion by a formula.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [drive.servo.torque]
         formula = "k*(0.3*sin(2*t) - q) - c*rate"

@@ -30,9 +30,7 @@ class Plies(DrawnField):
     It is that in the middle of elements, at both faces of each ply. ``.csv`` is a table with the extremes of each ply,
     ``.png`` a picture with the largest index of all plies on the undeformed body. An index of 0.5 bears twice the load.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "plies"
@@ -64,9 +62,7 @@ class SurfaceField(DrawnField):
 class Envelope(SurfaceField):
     """Largest von Mises, largest and smallest principal stress of each node on the surface over all output times.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "envelope"
@@ -83,9 +79,7 @@ class Envelope(SurfaceField):
 class SnCurve(SceneTable):
     """Stress amplitude against cycles to failure: two straight lines in logarithms that meet at a knee.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [output.sn]
         amplitude = "180 MPa"
@@ -104,9 +98,7 @@ class SnCurve(SceneTable):
 class MeanStress(SceneTable):
     """Correction of each cycle for its mean stress; one of the keys is given.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [output.mean_stress]
         goodman = "520 MPa"
@@ -123,9 +115,7 @@ class MeanStress(SceneTable):
 class Fatigue(SurfaceField):
     """Repeats of the motion until a crack starts, node by node on the surface, by rainflow counting and Miner's sum.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "fatigue"
@@ -166,9 +156,7 @@ class ContactPressure(PictureSettings):
 
     Between two bodies it is on that with the smaller elements, whose points are looked for on the other.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[output]]
         type = "pressure"

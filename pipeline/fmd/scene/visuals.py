@@ -52,9 +52,7 @@ class VisualSettings(SceneTable):
 class BoxVisual(VisualSettings):
     """A box in a body's frame.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[body.gripper.visual]]
         type = "box"
@@ -71,9 +69,7 @@ class BoxVisual(VisualSettings):
 class CylinderVisual(VisualSettings):
     """A cylinder between two points of a body.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[body.wheel.visual]]
         type = "cylinder"
@@ -95,9 +91,7 @@ class CylinderVisual(VisualSettings):
 class RodVisual(VisualSettings):
     """A round rod from each of a body's markers to the next, in their order.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[body.upper.visual]]
         type = "rod"
@@ -111,9 +105,7 @@ class RodVisual(VisualSettings):
 class FileVisual(VisualSettings):
     """A shape from an STL or OBJ file or from CAD.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [[body.knuckle.visual]]
         type = "file"

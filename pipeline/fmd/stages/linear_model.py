@@ -57,14 +57,9 @@ class LinearModel:
 
 
 def linearise_scene(run: Pipeline, inputs: Sequence[str], outputs: Sequence[str], about: str = "start") -> LinearModel:
-    """Linearise a scene.
+    """Linearise a scene between channels that are named as in docs/responses.md.
 
-    Parameters
-    ----------
-    inputs, outputs : sequence of str
-        Names, as docs/responses.md lists them.
-    about : str
-        ``start``, ``equilibrium``, ``steady``, or a time [s] of the scene's first run.
+    It is about its ``start``, an ``equilibrium``, a ``steady`` state, or a time [s] of its first run.
 
     Raises
     ------

@@ -93,14 +93,8 @@ def _has_mesh(part: FlexiblePart) -> bool:
 class FlexiblePart(KeyedPart):
     """A flexible body of a scene, whose stages run on first use.
 
-    Parameters
-    ----------
-    store : StageStore
-        Runs the stages and keeps their results.
-    like : FlexiblePart, optional
-        The part of another scene; results that both have in common are taken from it.
-    modes : Modes, optional
-        Modes to use in place of the scene's; nothing may be kept in a cache then.
+    The store runs them and keeps their results; those that it has in common with the part ``like`` of another scene are
+    taken from it. Nothing may be kept in a cache where ``modes`` take the place of the scene's.
     """
 
     # The table of stages, in their order.

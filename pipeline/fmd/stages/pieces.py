@@ -208,24 +208,10 @@ def join_pieces(
 ) -> tuple[IntArray, list[Cut]]:
     """Find the cuts between pieces, and number the pieces from the root outwards.
 
-    Two pieces that touch in several places, as beside a slot, have a cut in each: one of them is of the tree, and the
-    others close rings.
-
-    Parameters
-    ----------
-    labels : ndarray of int, shape (n_elements,)
-        Number of each element's piece.
-    elements, local : ndarray, shape (n_facets, 2)
-        Facets between elements, as `interior_facets` finds them.
-    root : int
-        Number of the piece at the joint.
-
-    Returns
-    -------
-    number : ndarray of int, shape (n_pieces,)
-        New number of each piece.
-    cuts : list of Cut
-        By the new numbers, those that close rings last.
+    Labels (n_elements,) are the numbers of elements' pieces, of which ``root`` is at the joint; facets between elements
+    (n_facets, 2) are as `interior_facets` finds them. Two pieces that touch in several places, as beside a slot, have a
+    cut in each: one of them is of the tree, and the others close rings. Returned are the new number of each piece
+    (n_pieces,), and cuts by these, those that close rings last.
 
     Raises
     ------

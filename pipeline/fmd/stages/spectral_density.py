@@ -19,15 +19,9 @@ Density = Callable[[Array], Array]
 def read_density(text: str, folder: Path, at: tuple[str, str]) -> Density:
     """Read a one-sided power spectral density over the frequency f [Hz], in the input's SI unit squared per Hz.
 
-    Parameters
-    ----------
-    text : str
-        A number, a formula of f, or the name of a ``.csv`` file of two columns, frequency [Hz] and density, which is
-        straight lines in double logarithmic scale between its rows and zero outside.
-    folder : Path
-        Where the file's name starts from.
-    at : tuple of str
-        File and key at fault, for messages.
+    The text is a number, a formula of f, or the name of a ``.csv`` file, in a folder, of two columns, frequency [Hz]
+    and density, which is straight lines in double logarithmic scale between its rows and zero outside. Messages name
+    the file and key at fault.
 
     Raises
     ------

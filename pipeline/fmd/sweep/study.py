@@ -52,16 +52,8 @@ def run_sweep(
 ) -> Sweep:
     """Compute all points that have no record yet, and keep the record of each as soon as it is done.
 
-    Parameters
-    ----------
-    variations, points
-        Keys with their values, and their combinations, from `fmd.sweep.points`.
-    folder : Path
-        Folder of the records, one file a scene; made if it is missing.
-    compute : callable
-        `fmd.sweep.local.compute_locally` or `fmd.sweep.cluster.compute_on_cluster`, with its workers bound.
-    wanted : Wanted
-        What is computed of each point; a record that lacks some of it is computed anew.
+    The folder of the records, one file a scene, is made if it is missing. ``compute`` is `compute_locally` or
+    `compute_on_cluster`, with its workers bound. A record that lacks some of what is wanted is computed anew.
 
     Raises
     ------

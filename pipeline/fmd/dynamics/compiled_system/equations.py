@@ -112,20 +112,11 @@ class Equations(PlainSystem):
         return rates
 
     def accelerations(self, t: float, q: Array, v: Array, load: OwnLoad | None = None) -> Array:
-        """Return the accelerations v̇, shape (n,), with which loops stay closed.
+        """Return the accelerations v̇ (n,) with which loops stay closed, at a time [s] and a state.
 
-        Parameters
-        ----------
-        t : float
-            Time [s].
-        q : ndarray, shape (n_positions,)
-            Positions.
-        v : ndarray, shape (n,)
-            Rates.
-        load : callable, optional
-            Returns generalised forces beside those of the scene, shape (n,): ``Jᵀ f`` of a torque or force f and the
-            `joint_jacobian` or `marker_jacobian` of where it acts. Python calls it each time, which takes many times
-            as long as the compiled equations; a formula in the scene is compiled.
+        Positions are (n_positions,), rates (n,). A ``load`` returns generalised forces (n,) beside those of the scene:
+        ``Jᵀ f`` of a torque or force f and the `joint_jacobian` or `marker_jacobian` of where it acts. Python calls it
+        each time, which takes many times as long as the compiled equations; a formula in the scene is compiled.
 
         Raises
         ------

@@ -55,10 +55,7 @@ def _null_space(A: Array) -> Array:
 class ReferenceState(Equations):
     """A mechanism's small motions about its undeformed state at rest.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Its own stiffness and damping count, and its mass with all joints at 0 or where the loops close.
+    Its own stiffness and damping count, and its mass with all joints at 0 or where the loops close.
     """
 
     @cached_property

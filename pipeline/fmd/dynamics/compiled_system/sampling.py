@@ -13,13 +13,7 @@ from fmd.dynamics.controllers import HeldValues, SampledController
 
 
 class Measurement:
-    """Measurements of a mechanism's sampled controllers by a compiled function, into arrays that are made once.
-
-    Parameters
-    ----------
-    held : int
-        Number of values that are held.
-    """
+    """Measurements of a mechanism's sampled controllers by a compiled function, into arrays that are made once."""
 
     def __init__(self, compiled: CompiledMechanism, held: int) -> None:
         controllers = compiled.mechanism.controllers
@@ -46,28 +40,16 @@ class Measurement:
 
 
 class Sampling:
-    """Sampled controllers in one march.
+    """Sampled controllers in one march; of those that sample at one time a later one sees what others have set.
 
-    Parameters
-    ----------
-    controllers : sequence of SampledController
-        In the order in which they sample at one time, so that a later one sees what an earlier one has just set.
-    held : int
-        Number of values that are held; those of programs come with those of controllers.
-
-    Attributes
-    ----------
-    next : float
-        Time of the next sample [s].
-    record : HeldValues
-        What has been held so far.
+    ``held`` counts the values that are held; those of programs come with those of controllers.
     """
 
     def __init__(self, compiled: CompiledMechanism, controllers: Sequence[SampledController], held: int) -> None:
         self._controllers, self._measurement = controllers, Measurement(compiled, held)
         self._laws: list[Callable[[float, Array], float]] = [controller.law.begin() for controller in controllers]
         self._counts = [0] * len(controllers)
-        self.next, self.record = 0.0, HeldValues()
+        self.next, self.record = 0.0, HeldValues()  # time of the next sample [s], and what has been held so far
 
     @property
     def held(self) -> Array:

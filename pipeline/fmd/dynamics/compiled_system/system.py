@@ -47,13 +47,7 @@ from fmd.kernels.table import aligned
 
 
 class CompiledSystem(ReferenceState):
-    """A mechanism ready to be integrated; its functions are compiled when they are first wanted.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Its coordinates are the system's.
-    """
+    """A mechanism ready to be integrated; its functions are compiled when they are first wanted."""
 
     def __reduce__(self) -> tuple[type[CompiledSystem], tuple[Mechanism]]:
         """Make copies anew: addresses are this process's own."""

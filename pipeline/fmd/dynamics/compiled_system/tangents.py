@@ -65,13 +65,7 @@ def system_along(system: CompiledSystem, directions: Sequence[Direction]) -> Com
 
 
 class TangentSystem(PlainSystem):
-    """A mechanism with up to eight tangents of its motion.
-
-    Parameters
-    ----------
-    system : CompiledSystem
-        The mechanism's own, one that `has_tangents`.
-    """
+    """A mechanism that `has_tangents` with up to eight tangents of its motion."""
 
     def __init__(self, system: CompiledSystem, directions: Sequence[Direction]) -> None:
         self._system, self._directions = system_along(system, directions), directions

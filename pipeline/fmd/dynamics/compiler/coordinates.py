@@ -22,17 +22,11 @@ JOINT_CONSTANTS = ("spring", "rest", "damper")
 class Coordinates:
     """Inputs of a mechanism's graph: positions, rates, values of its signals, springs and dampers, and held values.
 
-    Attributes
-    ----------
-    signals : tuple of Signal
-        Those that vary, each once: signal k has its value, rate and acceleration at 3 k, 3 k + 1 and 3 k + 2 of the
-        argument ``inputs``.
-    numbers : dict
-        Springs, rests and dampers of joints by body and name, but for those that are 0, `constants_of_bodies` of a
-        mechanism that is lifted, and last held values by body -1 and their number; they come after the signals in the
-        argument ``inputs``, so that other ones take no other code.
-    threshold : float
-        Share of its natural scale below which an entry of the mechanism's constants is round-off; see `cleaning`.
+    Each of ``signals`` varies, and comes once: signal k has its value, rate and acceleration at 3 k, 3 k + 1 and 3 k +
+    2 of the argument ``inputs``. After these come ``numbers``, so that other ones take no other code: springs, rests
+    and dampers of joints by body and name, but for those that are 0, `constants_of_bodies` of a mechanism that is
+    lifted, and last held values by body -1 and their number. ``threshold`` is the share of its natural scale below
+    which an entry of the mechanism's constants is round-off; see `cleaning`.
     """
 
     threshold = SOLVED

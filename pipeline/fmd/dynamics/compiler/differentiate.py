@@ -16,11 +16,7 @@ def differentiate(
     """Return the derivatives of outputs along a direction: derivatives of inputs, by the numbers of their nodes.
 
     Other inputs don't change. A direction of constants folds away what they leave out, one of inputs serves every
-    direction.
-
-    References
-    ----------
-    Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM, 2008, chapter 3.
+    direction (Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM, 2008, chapter 3).
     """
     slopes: dict[int, Scalar | Vector] = {}
     for number in graph.live_by_marks(output.node for output in outputs):

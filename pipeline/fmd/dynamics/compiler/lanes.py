@@ -20,19 +20,9 @@ _KIND = type_of(LANES)
 
 
 class LaneEmitter:
-    """Writes the nodes that differ from lane to lane.
+    """Writes the nodes that differ from lane to lane, by the program's ``lanes``, arguments with entries for each.
 
-    Parameters
-    ----------
-    program : Program
-        Its ``lanes`` name the arguments that have an entry for each lane.
-    scalars, vectors : dict
-        Values of the other nodes, by their numbers.
-
-    Attributes
-    ----------
-    functions : set of str
-        Names of the functions that its code calls.
+    Scalars and vectors are values of the other nodes by their numbers, ``functions`` those that its code calls.
     """
 
     def __init__(

@@ -80,18 +80,11 @@ class LinearisedMechanism:
     def tangents(
         self, q: Array, v: Array, signals: Mapping[Signal, Sequence[float]], given: Array, frozen: Array | None = None
     ) -> Tangents:
-        """Return accelerations and derivatives at a state.
+        """Return accelerations and derivatives at positions (n_positions,) and rates (n,).
 
-        Parameters
-        ----------
-        q, v : ndarray, shapes (n_positions,) and (n,)
-            Positions and rates.
-        signals : mapping of Signal to sequence of float
-            Values of the varying signals, with their rates and accelerations, which loads by the state may depend on.
-        given : ndarray
-            Accelerations of the rates that are given.
-        frozen : ndarray, optional
-            Accelerations of all rates (n,), if forces that don't vary keep a mechanism without loops so.
+        Varying signals have values, rates and accelerations, which loads by the state may depend on; ``given`` are the
+        accelerations of the rates that are given. ``frozen`` are those of all rates (n,), if forces that don't vary
+        keep a mechanism without loops so.
         """
         n, m = self.mechanism.n, self.n_rows
         a, f = self.accelerations(q, v, signals, given) if frozen is None or m else (frozen, np.zeros(m))

@@ -31,13 +31,7 @@ def emit(program: Program, register: int) -> tuple[str, Array]:
 
 
 class _Module:
-    """A module under construction.
-
-    Attributes
-    ----------
-    constants : list of float
-        Of all its functions, each of which begins a line of the cache.
-    """
+    """A module under construction; the constants of each of its functions begin a line of the cache."""
 
     def __init__(self, register: int) -> None:
         self._register = register

@@ -32,10 +32,7 @@ class Node(NamedTuple):
 class NodeTable:
     """Nodes in an order in which they can be evaluated, and the constant arrays that they name.
 
-    Attributes
-    ----------
-    marks : list of int
-        Numbers of nodes where something begins that others may be like, ascending: here a long program is cut.
+    Ascending ``marks`` are nodes where something begins that others may be like: here a long program is cut.
     """
 
     def __init__(self) -> None:

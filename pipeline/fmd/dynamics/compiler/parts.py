@@ -195,15 +195,8 @@ class _Cutter:
 class _Copy:
     """Nodes of a graph copied to one of their own, where numbers may take the place of constants.
 
-    Parameters
-    ----------
-    varying : callable, optional
-        Returns where numbers take the place of a constant array's entries, and these; no constant is replaced without.
-
-    Attributes
-    ----------
-    constants : list of float
-        What is replaced.
+    ``varying`` returns where numbers take the place of a constant array's entries, and these; no constant is replaced
+    without. What is replaced is in ``constants``.
     """
 
     def __init__(self, graph: Graph, varying: Callable[[int], tuple[BoolArray, Array]] | None = None) -> None:

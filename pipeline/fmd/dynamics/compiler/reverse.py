@@ -16,9 +16,7 @@ def differentiate_sum(
 ) -> dict[int, Scalar | Vector]:
     """Return the derivatives of ``Σ weight · output`` at fixed weights by all inputs, by the numbers of these nodes.
 
-    References
-    ----------
-    Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM, 2008, chapter 4.
+    See Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM, 2008, chapter 4.
     """
     sums = _Sums(graph)
     for output, weight in zip(outputs, weights, strict=True):

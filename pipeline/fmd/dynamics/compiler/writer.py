@@ -42,21 +42,8 @@ def type_of(width: int, of: str = "double") -> str:
 class Writer:
     """Writes the lines of one function and names its values.
 
-    Parameters
-    ----------
-    prefix : str
-        Of the names, so that two writers can share a function.
-    constants : str
-        Address of the constants that its code reads.
-
-    Attributes
-    ----------
-    lines : list of str
-        The function's body.
-    room : list of str
-        Memory of its own, which is named on entry.
-    constants : list of float
-        Numbers that its code reads there, so that others give the same code.
+    Names have a prefix, so that two writers can share a function. Its code reads ``constants`` at an address, so that
+    others give the same code; it has ``room``, memory of its own, which is named on entry.
     """
 
     def __init__(self, prefix: str = "t", constants: str = "@constants") -> None:

@@ -20,19 +20,9 @@ Series = list[Array]
 
 
 class PieceBounds:
-    """Interval arithmetic on Taylor series over pieces of time.
+    """Interval arithmetic on Taylor series of ``n_terms`` over pieces of time (n_pieces,), between their ends [s].
 
-    Parameters
-    ----------
-    begin, end : ndarray, shape (n_pieces,)
-        Ends of the pieces [s].
-    n_terms : int
-        Number of Taylor coefficients.
-
-    Attributes
-    ----------
-    rough : ndarray of bool, shape (n_pieces,)
-        Pieces in which abs, min, max or a condition may change its branch.
+    In those that are ``rough`` (n_pieces,), abs, min, max or a condition may change its branch.
     """
 
     def __init__(self, begin: Array, end: Array, n_terms: int) -> None:

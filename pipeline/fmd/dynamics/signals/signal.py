@@ -187,19 +187,10 @@ def half_sine(start: float, duration: float, peak: float, power: int = 1) -> Sig
 
 
 def linear_table(times: Array, values: Array, beyond: Beyond = "hold", until: float = 0.0) -> Signal:
-    """Make straight lines between samples.
+    """Make straight lines between samples (n,) at ascending times (n,) [s], 2 at least.
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,)
-        Of the samples [s], ascending, 2 at least.
-    values : ndarray, shape (n,)
-        One for each.
-    beyond : str
-        Before and after the samples the first and the last value hold (``"hold"``), the signal is 0 (``"zero"``), or
-        the samples begin anew (``"repeat"``).
-    until : float
-        Time up to which they repeat [s].
+    Before and after them the first and the last value hold (``"hold"``), the signal is 0 (``"zero"``), or the samples
+    begin anew (``"repeat"``) until a time [s].
 
     Raises
     ------

@@ -94,13 +94,7 @@ class ReferenceDomain(NamedTuple):
 
 
 class OwnElement(ABC):
-    """Shape functions at the corners of a cell and, for order 2, in the middles of its edges.
-
-    Parameters
-    ----------
-    order : int
-        1 or 2.
-    """
+    """Shape functions at the corners of a cell and, for order 2, in the middles of its edges."""
 
     shape: ClassVar[type[CellShape]]
 

@@ -15,22 +15,10 @@ _PACKAGE = "is read by the package ansys-mapdl-reader: pip install ansys-mapdl-r
 
 
 def read_full(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.coo_array:
-    """Read one half of the stiffness or the mass of a ``.full`` file, its unknowns in the order of nodes.
+    """Read one half of the ``stiffness`` or the ``mass`` of a ``.full`` file, its unknowns in the order of nodes.
 
-    Parameters
-    ----------
-    path : Path
-        The file, of an analysis that writes masses, too (``ANTYPE, MODAL``).
-    labels : ndarray of int, shape (n_nodes,)
-        Node numbers.
-    unknowns : int
-        Unknowns a node: 3 displacements, or 6 with rotations.
-    what : str
-        ``stiffness`` or ``mass``.
-
-    Returns
-    -------
-    sparse array, shape (unknowns n_nodes, unknowns n_nodes)
+    The file is of an analysis that writes masses, too (``ANTYPE, MODAL``), and labels (n_nodes,) are its nodes'
+    numbers, of 3 or, with rotations, 6 unknowns each.
 
     Raises
     ------

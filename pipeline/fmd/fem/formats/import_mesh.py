@@ -65,20 +65,12 @@ def read_mesh(
 ) -> SolidMesh:
     """Read a solid mesh from a file, check it, and repair it if that is allowed.
 
-    Parameters
-    ----------
-    path : Path
-        The file, its format given by the suffix. Element sets become parts; surfaces, sets of surface elements and node
-        sets become faces.
-    scale : float
-        The file's unit of length [m].
-    repair : bool
-        Merge coincident nodes, turn inverted elements, straighten edges that turn an element inside out, and leave out
-        elements that aren't solid. The mesh's notes list the mends.
-    mass_unit, force_unit : float, optional
-        The file's units [kg], [N]. Without, lumped masses and springs are refused, but for a file in metres.
-    ties : sequence of (str, str, float)
-        Faces that follow others, by both names and how far apart they may be [m], beside those of the file.
+    The suffix gives the format, and ``scale`` is the file's unit of length [m]. Element sets become parts; surfaces,
+    sets of surface elements and node sets become faces. Repair merges coincident nodes, turns inverted elements,
+    straightens edges that turn an element inside out, and leaves out elements that aren't solid; the mesh's notes list
+    the mends. Without the file's units of mass [kg] and force [N] lumped masses and springs are refused, but for a file
+    in metres. Ties are faces that follow others, by both names and how far apart they may be [m], beside those of the
+    file.
 
     Raises
     ------

@@ -31,19 +31,10 @@ def read_shell(
 ) -> SolidMesh:
     """Read the triangles and quadrilaterals of a file as shells.
 
-    Parameters
-    ----------
-    path : Path
-        The file, its format given by the suffix. Element sets become parts and, with both of their sides, faces; node
-        sets become faces: all of the surface between their nodes.
-    scale : float
-        The file's unit of length [m].
-    thickness : float, optional
-        Of all shells [m]; by default that of the deck's sections.
-    mass_unit, force_unit : float, optional
-        The file's units [kg], [N]. Without, lumped masses and springs are refused, but for a file in metres.
-    offset : float
-        Distance of the shells' middle from the nodes along the normal, beside that of a deck [m].
+    The suffix gives the format, and ``scale`` is the file's unit of length [m]. Element sets become parts and, with
+    both of their sides, faces; node sets become faces: all of the surface between their nodes. A thickness [m] takes
+    the place of that of the deck's sections, and ``offset`` is the distance of the shells' middle from the nodes along
+    the normal, beside that of a deck [m]. Units of mass [kg] and force [N] are as in `read_mesh`.
 
     Raises
     ------

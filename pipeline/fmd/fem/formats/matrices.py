@@ -31,21 +31,15 @@ def read_matrices(
 ) -> MatrixModel:
     """Read a body's matrices and check that they are those of a free body.
 
-    Parameters
-    ----------
-    stiffness, mass : Path
-        Matrix Market (``.mtx``), SciPy's ``.npz``, or what Abaqus writes: rows of node, direction, node, direction,
-        value (``FORMAT=MATRIX INPUT`` or ``LABELS``) or of row, column, value (``FORMAT=COORDINATE``). Rows and columns
-        without node numbers are x, y, z of the first node in ``nodes``, then of the second; with six unknowns a node
-        the rotations about x, y, z behind each. Nastran's OUTPUT4 (``.op4``) and OUTPUT2 (``.op2``), whose rows are of
-        the nodes in ascending order, as those of CalculiX (``.sti``, ``.mas``) are, and DMIG cards (``.pch``); of
-        several matrices in a file those whose names begin with K and M. Ansys' ``.full``, by node numbers.
-    nodes : Path
-        Rows of number, x, y, z, or a deck of Nastran, Abaqus, CalculiX or Ansys.
-    units : tuple of float
-        The files' units of length [m], stiffness [N/m] and mass [kg].
-    unknowns : int
-        Unknowns a node: 3 displacements, or 6 with rotations [rad], whose entries take the file's unit of length.
+    Matrices are of Matrix Market (``.mtx``), SciPy's ``.npz``, or what Abaqus writes: rows of node, direction, node,
+    direction, value (``FORMAT=MATRIX INPUT`` or ``LABELS``) or of row, column, value (``FORMAT=COORDINATE``). Rows and
+    columns without node numbers are x, y, z of the first node in ``nodes``, then of the second; with six unknowns a
+    node the rotations [rad] about x, y, z behind each. Nastran's OUTPUT4 (``.op4``) and OUTPUT2 (``.op2``), whose rows
+    are of the nodes in ascending order, as those of CalculiX (``.sti``, ``.mas``) are, and DMIG cards (``.pch``); of
+    several matrices in a file those whose names begin with K and M. Ansys' ``.full``, by node numbers.
+
+    Nodes are rows of number, x, y, z, or a deck of Nastran, Abaqus, CalculiX or Ansys. Units are those of length [m],
+    which rotations' entries take, too, stiffness [N/m] and mass [kg].
 
     Raises
     ------

@@ -31,21 +31,12 @@ def write_series(
     path: Path,
     errors: Mapping[str, float | str] | None = None,
 ) -> None:
-    """Write fields at a body's nodes over time; the file appears whole or not at all.
+    """Write fields at a body's nodes over ascending times (n_times,) [s]; the file appears whole or not at all.
 
-    Parameters
-    ----------
-    space : AnySpace
-        The body's nodes and elements; the cell data ``part`` is the number of each element's part, from 1.
-    times : ndarray, shape (n_times,)
-        Instants [s], ascending.
-    fields : iterable of mapping of str to ndarray, shape (n_nodes,) or (n_nodes, k)
-        The fields at each of the times, computed one after the other and stored in single precision. All have the names
-        and shapes of the first. Six components are a symmetric tensor, xx, yy, zz, yz, xz, xy.
-    path : Path
-        The file, ``.vtkhdf``.
-    errors : mapping of str to float or str, optional
-        Attribute ``error`` of the fields: the largest of any node and time in the field's unit, or why none is stated.
+    Fields (n_nodes,) or (n_nodes, k) at each of the times are computed one after the other and stored in single
+    precision; all have the names and shapes of the first. Six components are a symmetric tensor, xx, yy, zz, yz, xz,
+    xy. The cell data ``part`` is the number of each element's part, from 1. The attribute ``error`` of a field is the
+    largest of any node and time in its unit, or why none is stated.
 
     Raises
     ------

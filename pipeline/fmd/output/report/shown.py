@@ -19,10 +19,7 @@ if TYPE_CHECKING:
 def show_outputs(run: Pipeline) -> Iterator[dict[str, Any]]:
     """Draw the pictures, and write the tables, that a scene lists, and yield what the page shows of them.
 
-    Yields
-    ------
-    dict
-        Of each output ``title``, ``pictures`` and ``table``, of which one is empty; of histories a chart.
+    Each has ``title``, ``pictures`` and ``table``, of which one is empty; of histories pictures are a chart.
     """
     with tempfile.TemporaryDirectory(prefix="fmd-") as name:
         folder = Path(name)

@@ -58,26 +58,15 @@ def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
 def describe_mechanism(
     moving: MovingMechanism, camera: Camera, scale: float, limits: tuple[float, float]
 ) -> dict[str, Any]:
-    """Describe a mechanism in all its frames as the viewer takes it.
+    """Describe a mechanism in all its frames as the viewer takes it: ``bodies`` and ``lines``; arrays are base64.
 
-    Parameters
-    ----------
-    scale : float
-        Factor on the deformation when the page is opened.
-    camera : Camera
-        Gives the direction at first, and the colours.
-    limits : tuple of float
-        Least and largest stress [Pa].
-
-    Returns
-    -------
-    dict
-        ``bodies`` and ``lines``; arrays are little-endian in base64. Of each body: float32 ``positions`` (n, 3) of its
-        drawn points in its frame [m], float32 ``origin`` (n_frames, 3) [m] and ``rotation`` (n_frames, 3, 3) of the
-        frame, uint32 ``triangles`` and ``edges``, ``rgb`` if it has one colour, and its ``name``. Of one that deforms
-        also int16 ``displacements`` (n_frames, n, 3), a unit of which is ``step`` [m], and of one with stress uint16
-        ``levels`` (n_frames, n) between the least and the largest, the ``limits`` [MPa]. ``axes`` are the camera's,
-        row by row, to the right, up and towards the viewer.
+    Of each body: float32 ``positions`` (n, 3) of its drawn points in its frame [m], float32 ``origin`` (n_frames, 3)
+    [m] and ``rotation`` (n_frames, 3, 3) of the frame, uint32 ``triangles`` and ``edges``, ``rgb`` if it has one
+    colour, and its ``name``. Of one that deforms also int16 ``displacements`` (n_frames, n, 3), a unit of which is
+    ``step`` [m], and of one with stress uint16 ``levels`` (n_frames, n) between the least and the largest, the
+    ``limits`` [MPa]. Arrays are little-endian. The camera gives the colours and the direction at first: ``axes`` are
+    its own, row by row, to the right, up and towards the viewer. ``scale`` is the deformation's when the page is
+    opened, and limits are given in Pa.
     """
     around = moving.around()
     middle = (around.min(axis=0) + around.max(axis=0)) / 2

@@ -46,15 +46,12 @@ def make_view_page(run: Pipeline, overrides: Sequence[str] = ()) -> str:
 
 
 def collect_poses(run: Pipeline) -> dict[str, Any]:
-    """Collect a mechanism at the start, and along each coordinate that a slider moves.
+    """Collect a mechanism at the start, and along each coordinate that a slider moves, as `describe_mechanism` does.
 
-    Returns
-    -------
-    dict
-        As `describe_mechanism` gives it, with ``clips``: ``name``, number of ``first`` frame, ``count`` and number of
-        the one at the ``start`` among these; ``clocks``, a text for each frame; ``markers``, ``names`` and float32
-        ``points`` (n_frames, n_markers, 3) [m]; and, of bodies with named faces, ``faces``: their ``names`` and that
-        of each triangle by number ``of`` (n_triangles,), the last one empty.
+    With it come ``clips``: ``name``, number of ``first`` frame, ``count`` and number of the one at the ``start`` among
+    these; ``clocks``, a text for each frame; ``markers``, ``names`` and float32 ``points`` (n_frames, n_markers, 3)
+    [m]; and, of bodies with named faces, ``faces``: their ``names`` and that of each triangle by number ``of``
+    (n_triangles,), the last one empty.
     """
     q0 = undeformed_start(run)
     still = run_at_poses(run, np.zeros(1), q0[None])

@@ -50,14 +50,8 @@ def elimination_tree(graph: sp.csr_array) -> tuple[IntArray, IntArray]:
     """Count the entries of each column of the Cholesky factor of a matrix with this graph, in this order.
 
     Column j of L holds a row i for each row whose subtree of the elimination tree j is in (Liu, SIAM J Matrix Anal Appl
-    11, 1990).
-
-    Returns
-    -------
-    counts : ndarray of int, shape (n,)
-        Entries of each column, that of the diagonal too.
-    parent : ndarray of int, shape (n,)
-        Parent of each column in the tree, -1 of a root.
+    11, 1990). Returned are the entries of each column, that of the diagonal too, and its parent in the tree, -1 of a
+    root, (n,) each.
     """
     counts = np.ones(graph.shape[0], dtype=np.int64)
     parent, seen = np.full((2, graph.shape[0]), -1, dtype=np.int64)
@@ -119,14 +113,10 @@ class Factor:
 
 
 def factorise(A: Any, solver: Solver = "auto") -> Factor:
-    """Factorise a symmetric positive definite matrix.
+    """Factorise a symmetric positive definite matrix (n, n), both of whose triangles are given.
 
-    Parameters
-    ----------
-    A : sparse array, shape (n, n)
-        Both triangles. A node's three unknowns that begin at a multiple of three make it quicker.
-    solver : str
-        ``multifrontal`` is our own, ``cholesky`` cvxopt's CHOLMOD; ``auto`` takes our own for all but small matrices.
+    A node's three unknowns that begin at a multiple of three make it quicker. ``multifrontal`` is our own, ``cholesky``
+    cvxopt's CHOLMOD; ``auto`` takes our own for all but small matrices.
 
     Raises
     ------

@@ -42,21 +42,10 @@ class Front:
 def plan_fronts(graph: sp.csr_array, counts: IntArray, parent: IntArray, size: int) -> tuple[IntArray, list[Front]]:
     """Plan the fronts of a matrix; small ones become part of their parents where that costs a few zeros.
 
-    Parameters
-    ----------
-    graph : sparse array, shape (n_nodes, n_nodes)
-        Nodes that the matrix couples, in an order that fills in little.
-    counts, parent : ndarray of int, shape (n_nodes,)
-        Entries of each node's column of the factor, and its parent in the elimination tree, -1 of a root.
-    size : int
-        Unknowns of a node.
-
-    Returns
-    -------
-    order : ndarray of int, shape (n_nodes,)
-        Nodes of the graph in an order that fills in as little and has each front's nodes together.
-    fronts : list of Front
-        The fronts by unknowns in this order, each after its children.
+    The graph (n_nodes, n_nodes) is of nodes of ``size`` unknowns that the matrix couples, in an order that fills in
+    little; each has the entries of its column of the factor, and its parent in the elimination tree, -1 of a root.
+    Returned are an order (n_nodes,) that fills in as little and has each front's nodes together, and the fronts by
+    unknowns in this order, each after its children.
     """
     n, few = graph.shape[0], FRONT_ZEROS // size**2
     heights, widths = counts.tolist(), [1] * n
@@ -131,14 +120,8 @@ def factorise_fronts(
 ) -> Callable[[Array], Array]:
     """Factorise a symmetric positive definite matrix by fronts; returns the solve, which takes many loads at a time.
 
-    Parameters
-    ----------
-    A : sparse array, shape (n, n)
-        The matrix, both triangles.
-    order : ndarray of int, shape (n,)
-        Its unknowns in the fronts' order.
-    stack : tuple
-        What `plan_stack` plans for the fronts.
+    Both triangles of A (n, n) are given; ``order`` (n,) has its unknowns in the fronts' order, ``stack`` is by
+    `plan_stack`.
 
     Raises
     ------

@@ -33,23 +33,11 @@ CORNERS: Array = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0]
 def exudyn_arrays(
     data: ModalData, x: Array, shapes: Array, surface: SurfaceTopology | None = None, stress: Array | None = None
 ) -> dict[str, Any]:
-    """Arrange a body's data as Exudyn's interface saves itself.
+    """Arrange a body's data as Exudyn's interface saves itself: arrays by their names in the file.
 
-    Parameters
-    ----------
-    data : ModalData
-        The body; each of its nodes becomes four.
-    x, shapes : ndarray, shapes (n_nodes, 3) and (n_nodes, 3, n)
-        Nodes to be drawn, in the body's frame, and their shapes.
-    surface : SurfaceTopology, optional
-        The surface that these nodes are.
-    stress : ndarray, shape (n_nodes, 6, n), optional
-        Stress of each modal coordinate at these nodes: xx, yy, zz, yz, xz, xy [Pa per unit].
-
-    Returns
-    -------
-    dict
-        Arrays by their names in the file.
+    Each of the body's nodes becomes four. Drawn nodes x (n_nodes, 3) are in the body's frame, with shapes (n_nodes, 3,
+    n); ``surface`` is the one that they are, with the stress of each modal coordinate (n_nodes, 6, n): xx, yy, zz, yz,
+    xz, xy [Pa per unit].
     """
     integrals, n = data.integrals, data.n
     G, S = integrals.G, integrals.S

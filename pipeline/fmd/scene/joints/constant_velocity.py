@@ -31,9 +31,7 @@ class ConstantVelocity(TwoAngleJoint):
     The angles tilt about that of x, y and z that is most across the axis, turned across it, and about the axis's cross
     product with it. They are about x and y for a shaft along z, and about y and z for one along x.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [joint.outboard]
         type = "constant-velocity"

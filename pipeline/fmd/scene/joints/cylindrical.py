@@ -18,9 +18,7 @@ CYLINDRICAL = JointKind(
 class Cylindrical(CarryingJoint):
     """A slide that also lets the child turn about its axis.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [joint.quill]
         type = "cylindrical"

@@ -15,9 +15,7 @@ DISTANCE = JointKind("distance")
 class Distance(JointTable):
     """A massless rod: two places of bodies that hang on other joints keep their distance.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [joint.tie]
         type = "distance"

@@ -13,9 +13,7 @@ FIXED = JointKind("fixed", points=SPACE, squares=LOCKED)
 class Fixed(CarryingJoint):
     """A weld: the child's marker stays on the parent's, in the joint's axes.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [joint.flange]
         type = "fixed"

@@ -22,9 +22,7 @@ FREE = JointKind(
 class Free(CarryingJoint):
     """No constraint: the child moves and turns freely against the parent, from the position and axes of the start.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [joint.flight]
         type = "free"

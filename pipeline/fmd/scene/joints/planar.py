@@ -22,9 +22,7 @@ PLANAR = JointKind(
 class Planar(CarryingJoint):
     """A plane on a plane: the child slides in two directions and turns about their normal.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [joint.table]
         type = "planar"

@@ -14,9 +14,7 @@ POINT_ON_LINE = JointKind("point-on-line", points=ACROSS)
 class PointOnLine(JointTable):
     """A pin in a slot: the child's place stays on a line of the parent, free to turn.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [joint.slot]
         type = "point-on-line"

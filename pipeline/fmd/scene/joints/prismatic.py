@@ -16,9 +16,7 @@ PRISMATIC = JointKind("prismatic", ("m",), slides=(ElementaryMotion(AXIS),), poi
 class Prismatic(CarryingJoint):
     """A slide: the child moves along one axis of the parent, without turning.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [joint.slide]
         type = "prismatic"

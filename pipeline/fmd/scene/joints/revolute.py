@@ -15,9 +15,7 @@ REVOLUTE = JointKind("revolute", ("rad",), turns=(ElementaryMotion(AXIS),), poin
 class Revolute(OneAngleJoint):
     """A hinge: the child turns about one axis of the parent.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [joint.elbow]
         type = "revolute"

@@ -16,9 +16,7 @@ SCREW = JointKind("screw", ("rad",), (ElementaryMotion(AXIS, by_lead=True),), (E
 class Screw(OneAngleJoint):
     """A screw: the child turns about an axis and moves along it in proportion.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [joint.spindle]
         type = "screw"

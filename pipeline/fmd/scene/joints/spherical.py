@@ -14,9 +14,7 @@ SPHERICAL = JointKind("spherical", turns_in_space=True, points=SPACE)
 class Spherical(CarryingJoint):
     """A ball joint: the child's marker stays on the parent's and turns freely.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [joint.ball]
         type = "spherical"

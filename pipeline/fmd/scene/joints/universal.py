@@ -26,9 +26,7 @@ class Universal(TwoAngleJoint):
 
     The angles are those about both axes.
 
-    Examples
-    --------
-    ::
+    Example:
 
         [joint.cardan]
         type = "universal"

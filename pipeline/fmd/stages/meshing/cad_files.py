@@ -83,20 +83,10 @@ def mesh_cad_file(
     sector: tuple[int, str, str] | None = None,
     script: ScriptValues | None = None,
 ) -> SolidMesh:
-    """Mesh a CAD file with tetrahedra, and check what comes as a mesh from a file is checked.
+    """Mesh a CAD file (STEP, IGES, BREP, or a script of Gmsh) with tetrahedra, and check it as a mesh from a file.
 
-    Parameters
-    ----------
-    path : Path
-        STEP, IGES, BREP, or a script of Gmsh.
-    size : float
-        Edge length of an element [m].
-    order : int
-        Polynomial order, 1 or 2.
-    sector : tuple, optional
-        Number of sectors in the whole body, and the faces of this one that are meshed alike.
-    script : ScriptValues, optional
-        Unit and dimensions of a script.
+    Edges have a size [m], elements order 1 or 2. A sector has the number of those in the whole body, and the faces of
+    this one that are meshed alike; a script its unit and dimensions.
 
     Raises
     ------
