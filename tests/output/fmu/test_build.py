@@ -1,5 +1,6 @@
 """Compilers of FMUs: one that fails is told; libraries of two processors are one file on macOS."""
 
+import re
 import shutil
 import struct
 import threading
@@ -39,6 +40,22 @@ def test_sources_compiled_side_by_side_make_the_library_of_those_compiled_in_tur
         libraries.append(build_own_binary(sources, "x"))
     assert len(threads) > 2
     assert libraries[0] == libraries[1] != {}
+
+
+@pytest.mark.skipif(not build.has_zig(), reason="ziglang isn't installed")
+def test_a_library_for_windows_takes_windows_own_c_library_and_nothing_of_mingw():
+    source = """
+    #include <math.h>
+    double answer(int n, double x)
+    {
+        volatile double frame[4096]; /* more than a page: its stack is touched page by page */
+        frame[n] = sin(x) * cos(x) + pow(x, n);
+        return isfinite(frame[n]) ? frame[n] : 0.0;
+    }"""
+    (windows,) = (target for target in build.TARGETS if target.suffix == ".dll")
+    library = build._compile_for({"model.c": source}, "x", {windows: build._zig(windows)})[windows.name]
+    imported = {name.lower() for name in re.findall(rb"[\w-]+\.dll", library, re.I)} - {b"x.dll"}
+    assert imported == {b"api-ms-win-crt-math-l1-1-0.dll"}
 
 
 def test_libraries_of_two_processors_are_joined_for_macos():

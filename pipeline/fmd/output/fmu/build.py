@@ -10,6 +10,7 @@ import struct
 import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -26,6 +27,8 @@ _OPTIONS = (
     *("-fno-math-errno", "-fno-trapping-math", "-fassociative-math", "-fno-signed-zeros"),
 )
 _FAST = ("model.c", "motion.c", "runge_kutta.c", "signals.c")  # what steps call; the rest is compiled to be small
+_WINDOWS = "windows.c"  # what Zig's linker has in place of MinGW's library
+_CRT = [f"-lapi-ms-win-crt-{part}-l1-1-0" for part in ("math", "heap", "string", "private")]  # Windows' C library
 _FAT_MAGIC, _FAT_ALIGNMENT = 0xCAFEBABE, 14
 _MACH_CPUS = {"x86_64-darwin": (0x01000007, 3), "aarch64-darwin": (0x0100000C, 0)}
 
@@ -91,6 +94,10 @@ def _compile_for(
             (source for source in sources if source.endswith(".c")), key=lambda own: -len(sources[own])
         )
         jobs = [(target, source) for target in compilers for source in largest_first]
+        for target in compilers:
+            if _is_bare(compilers[target], target):
+                (folder / _WINDOWS).write_text((files("fmd.output.fmu") / "sources" / _WINDOWS).read_text("utf-8"))
+                jobs.append((target, _WINDOWS))
         list(pool.map(lambda job: _compile(compilers[job[0]], folder, *job), jobs))
         libraries = pool.map(lambda target: _link(compilers[target], folder, identifier, target), compilers)
         return {target.name: library for target, library in zip(compilers, libraries, strict=True)}
@@ -107,20 +114,30 @@ def _zig(target: Target) -> list[str]:
     return [sys.executable, "-P", "-m", "ziglang", "cc", "-target", target.triple]
 
 
+def _is_bare(compiler: Sequence[str], target: Target) -> bool:
+    """Return whether a library is linked without MinGW's, whose 400 sources Zig would compile first, for a minute."""
+    return compiler[0] == sys.executable and target.suffix == ".dll"
+
+
 def _compile(compiler: Sequence[str], folder: Path, target: Target, source: str) -> None:
     """Compile a source of a folder, by a name relative to it: no path of this machine comes into the library."""
     level, mapped = "-O3" if source in _FAST else "-Os", f"-ffile-prefix-map={folder}=."
-    _run([*compiler, *_OPTIONS, level, mapped, "-c", source, "-o", _object(target, source)], folder, target)
+    plain = ["-fno-builtin"] if source == _WINDOWS else []
+    _run([*compiler, *_OPTIONS, level, *plain, mapped, "-c", source, "-o", _object(target, source)], folder, target)
 
 
 def _link(compiler: Sequence[str], folder: Path, identifier: str, target: Target) -> bytes:
-    """Return the library of a target's compiled sources, in the order of their names."""
+    """Return the library of a target's compiled sources, in the order of their names.
+
+    ``-Os`` tells Zig to link no library that looks for undefined behaviour, which it would compile first.
+    """
     library, place = f"{identifier}{target.suffix}", folder / target.name  # of its own: two systems may have one name
     place.mkdir()
-    objects = [f"../{_object(target, source.name)}" for source in sorted(folder.glob("*.c"))]
+    objects = [f"../{compiled.name}" for compiled in sorted(folder.glob(_object(target, "*.c")))]
     strip = [] if platform.system() == "Darwin" and compiler[0] != sys.executable else ["-s"]
     maths = [] if target.suffix == ".dll" else ["-lm"]
-    _run([*compiler, "-shared", *strip, "-o", library, *objects, *maths], place, target)
+    maths = ["-nostdlib", *_CRT] if _is_bare(compiler, target) else maths
+    _run([*compiler, "-shared", "-Os", *strip, "-o", library, *objects, *maths], place, target)
     return (place / library).read_bytes()
 
 
