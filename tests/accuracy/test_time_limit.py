@@ -118,8 +118,8 @@ def test_a_run_that_rings_is_not_compared_by_steps_that_damp_what_rings(
 
     What is damped of a quantity counts, and where that is a tenth nothing is stated.
     """
-    monkeypatch.setattr(comparison, "MARCH_OF_LIMIT", 0.0)
-    monkeypatch.setattr(comparison, "WORTH_OTHER_METHOD", np.inf)
+    monkeypatch.setattr(comparison.limits, "MARCH_OF_LIMIT", 0.0)
+    monkeypatch.setattr(comparison.limits, "WORTH_OTHER_METHOD", np.inf)
     run = [f"drive.spin_up.smooth={str(not rings).lower()}", "simulation.duration=0.3 s"]
     run += ["simulation.run=[{integrator='central-difference'}]"] + ["drive.spin_up.duration=4 ms"] * rings
     estimates = Estimates(Pipeline(load_scene("beam", [*BEAM[:2], *run]), Cache(None)), TimeLimit(1000.0))

@@ -130,7 +130,7 @@ def test_an_accuracy_without_a_motion_is_refused(tmp_path):
 
 
 def test_an_accuracy_that_is_not_met_is_told_by_every_door(capsys, monkeypatch):
-    monkeypatch.setattr(refinement, "MOST_ROUNDS", 1)
+    monkeypatch.setattr(refinement.limits, "MOST_ROUNDS", 1)
     values = [part for text in WANTED for part in ("--set", text)]
     with pytest.raises(SystemExit, match="0"):
         main(["modes", "beam", *values, "--no-cache", "--json"])

@@ -44,7 +44,7 @@ def failing(error: Exception) -> March:
 @pytest.mark.parametrize("scene", ["arm", "rod-slider"])
 def test_the_motion_is_the_same_with_one_thread_and_with_two(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     run = Pipeline(load_scene(scene))
-    monkeypatch.setattr("fmd.integrators.automatic.WORTH_A_CORE", 0.0)
+    monkeypatch.setattr("fmd.core.limits.stepping.WORTH_A_CORE", 0.0)
     motions = []
     for threads in (1, 2):
         monkeypatch.setenv("OMP_NUM_THREADS", str(threads))

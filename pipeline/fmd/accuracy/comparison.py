@@ -16,18 +16,7 @@ from fmd.accuracy.requested_stress import RequestedStress
 from fmd.accuracy.time_limit import TIME_IS_SHORT, LeftOutError, TimeLimit
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, StabilityError
-from fmd.core.limits.errors import (
-    COMPARED_FRAMES,
-    COMPARED_IMPLICIT_STEPS,
-    FINER_TOLERANCE,
-    HOT,
-    HOTTEST_FRAMES,
-    MARCH_OF_LIMIT,
-    MORE_IMPLICIT_STEPS,
-    MOST_OF_METHOD,
-    SHORT_SECONDS,
-    WORTH_OTHER_METHOD,
-)
+from fmd.core.limits import errors as limits
 from fmd.core.limits.stepping import IMPLICIT_STEPS_IN_ACTION
 from fmd.integrators.automatic import Automatic
 from fmd.integrators.exponential import PiecewiseExponential
@@ -79,19 +68,19 @@ class Comparison:
         """
         own, best = self.run.fine_motion.trajectory.seconds, (self.plan, self.quantities)
         method = self.implicit_method
-        if own <= MARCH_OF_LIMIT * self.limit.seconds or type(method) is type(self.plan.integrator):
+        if own <= limits.MARCH_OF_LIMIT * self.limit.seconds or type(method) is type(self.plan.integrator):
             return best
-        for step in (method.step, method.step / MORE_IMPLICIT_STEPS):
+        for step in (method.step, method.step / limits.MORE_IMPLICIT_STEPS):
             plan = replace(self.plan, integrator=replace(method, step=step))
             try:
                 motion = self.march(self.run, plan)
             except (LeftOutError, AccuracyError):
                 continue
-            if not motion.trajectory.seconds < WORTH_OTHER_METHOD * own:
+            if not motion.trajectory.seconds < limits.WORTH_OTHER_METHOD * own:
                 break
             ours = self.quantities_of(self.run, motion, self.hot)
             damped = self.changes(ours)
-            followed = {name: ours[name] for name, part in damped.items() if part < MOST_OF_METHOD}
+            followed = {name: ours[name] for name, part in damped.items() if part < limits.MOST_OF_METHOD}
             if best[0] is self.plan or len(followed) > len(best[1]):
                 self.damped, best = damped, (plan, followed)
             if len(followed) == len(ours):
@@ -107,7 +96,9 @@ class Comparison:
     def implicit_method(self) -> GeneralizedAlpha:
         """Generalised-α with a step that follows the motion and the loads, not the fastest vibration."""
         duration, system = float(self.run.output_times[-1]), self.plan.system
-        steps = max(COMPARED_IMPLICIT_STEPS, math.ceil(IMPLICIT_STEPS_IN_ACTION * duration / system.shortest_action))
+        steps = max(
+            limits.COMPARED_IMPLICIT_STEPS, math.ceil(IMPLICIT_STEPS_IN_ACTION * duration / system.shortest_action)
+        )
         return GeneralizedAlpha(system.resolving_step(duration / steps)[0])
 
     def march_beside(self, other: Pipeline) -> Motion:
@@ -160,13 +151,13 @@ class Comparison:
 
     def _choose_stress_samples(self) -> None:
         """Choose the output times at which stress is compared, and the nodes that matter."""
-        frames = [choose_frames(len(self.motion.times), COMPARED_FRAMES)]
+        frames = [choose_frames(len(self.motion.times), limits.COMPARED_FRAMES)]
         for name, part in self.run.parts.items():
             if not part.has_stress:
                 continue
             values = self.run.stress_of(name).limited_von_mises(np.arange(len(self.motion.times)))
-            frames.append(np.argsort(values.max(axis=1))[-HOTTEST_FRAMES:])
-            self.hot[name] = np.flatnonzero(values.max(axis=0) >= HOT * values.max())
+            frames.append(np.argsort(values.max(axis=1))[-limits.HOTTEST_FRAMES :])
+            self.hot[name] = np.flatnonzero(values.max(axis=0) >= limits.HOT * values.max())
         self.frames = np.unique(np.concatenate(frames))
 
     def march(self, other: Pipeline, plan: Plan, work: float = 1.0) -> Motion:
@@ -198,8 +189,10 @@ def change_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
     if isinstance(method, PiecewiseExponential):  # its errors fall by the third power where they are worst
         return replace(method, step=method.step / 2, least=2 * method.least), 1 - 0.5**3
     if not method.step:
-        return replace(method, tolerance=max(FINER_TOLERANCE * method.tolerance, 3e-14)), 1 - FINER_TOLERANCE
+        return replace(
+            method, tolerance=max(limits.FINER_TOLERANCE * method.tolerance, 3e-14)
+        ), 1 - limits.FINER_TOLERANCE
     order = method.order(plan.system)
-    if seconds < SHORT_SECONDS or not 8 * method.step < method.largest_step(plan.system):
+    if seconds < limits.SHORT_SECONDS or not 8 * method.step < method.largest_step(plan.system):
         return replace(method, step=method.step / 2), 1 - 0.5**order
     return replace(method, step=2 * method.step), 2.0**order - 1

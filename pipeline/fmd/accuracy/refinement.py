@@ -10,20 +10,7 @@ from fmd.accuracy.deflection import find_deflection_error
 from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.accuracy.error_estimates import NUMERICAL, Row, percent
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.errors import (
-    BOLDEST,
-    GENTLEST,
-    LEAST_ERROR,
-    MESH_POWER,
-    MORE_MODES,
-    MOST_ELEMENTS,
-    MOST_ROUNDS,
-    SAFETY,
-    SHARE,
-    STALLED_ERROR,
-    TIME_SHARE,
-    TOO_LARGE,
-)
+from fmd.core.limits import errors as limits
 from fmd.core.limits.mesh import FEWEST_PIECES, MOST_PIECES_TRIED
 from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.reduced_bodies import ReducedPart
@@ -126,8 +113,8 @@ def meet_accuracy(run: Pipeline) -> Refinement:
     stated: list[dict[str, float]] = []
     best, chosen = run, 0
     here = run
-    ended_by = f"{MOST_ROUNDS} rounds"
-    for left in reversed(range(MOST_ROUNDS)):
+    ended_by = f"{limits.MOST_ROUNDS} rounds"
+    for left in reversed(range(limits.MOST_ROUNDS)):
         here = here.variant(scene, here.store.monitor)
         try:
             budget = ERROR_BUDGET.of(here)
@@ -150,14 +137,14 @@ def meet_accuracy(run: Pipeline) -> Refinement:
         if worst.numerical <= required:
             return Refinement(here, tuple(rounds), len(rounds) - 1)
         scene = _refined(scene, this.shares, required)
-        if any(part.has_mesh and part.mesh.n_cells > MOST_ELEMENTS for part in here.parts.values()):
-            ended_by = f"{MOST_ELEMENTS} elements"
+        if any(part.has_mesh and part.mesh.n_cells > limits.MOST_ELEMENTS for part in here.parts.values()):
+            ended_by = f"{limits.MOST_ELEMENTS} elements"
             break
     return Refinement(best, tuple(rounds), chosen, ended_by)
 
 
 def _start(scene: Scene, required: float) -> Scene:
-    error = max(TIME_SHARE * required, LEAST_ERROR)
+    error = max(limits.TIME_SHARE * required, limits.LEAST_ERROR)
     scene = change_simulation(scene, run=(AutoRun(integrator="auto"),), error=error)
     scene = change_modes(scene, lambda body: {"enrich": "ritz" if body.modes.enrich == "ritz" else "inertia"})
     return replace_order(coarsen_meshes(scene) or scene, 2)
@@ -168,34 +155,34 @@ def _is_stalled(stated: list[float], required: float, left: int) -> bool:
     if len(stated) < 3 or stated[-1] <= required:
         return False
     rate: float = (stated[-1] / stated[-3]) ** 0.5
-    return rate > STALLED_ERROR and stated[-1] * rate**left > required
+    return rate > limits.STALLED_ERROR and stated[-1] * rate**left > required
 
 
 def _shares(rows: list[Row]) -> dict[str, float]:
     """Return the largest share of each source in the stated errors."""
     return {
-        source: SAFETY * max(part if isinstance(part := row.parts[source], float) else 0.0 for row in rows)
+        source: limits.SAFETY * max(part if isinstance(part := row.parts[source], float) else 0.0 for row in rows)
         for source in NUMERICAL
     }
 
 
 def _refined(scene: Scene, shares: dict[str, float], required: float) -> Scene:
     """Return the next scene, refined in each source that takes more than its share."""
-    too_much = {source: share / (SHARE * required) for source, share in shares.items()}
-    mesh = max(too_much["discretisation"], too_much["recovery"]) ** MESH_POWER
+    too_much = {source: share / (limits.SHARE * required) for source, share in shares.items()}
+    mesh = max(too_much["discretisation"], too_much["recovery"]) ** limits.MESH_POWER
     if mesh > 1:
-        scene = refine_meshes(scene, min(max(mesh, GENTLEST), BOLDEST)) or scene
+        scene = refine_meshes(scene, min(max(mesh, limits.GENTLEST), limits.BOLDEST)) or scene
     if too_much["truncation"] > 1:
         scene = change_modes(
             scene,
             lambda body: (
                 {"enrich": "ritz"}
                 if body.modes.enrich == "inertia"
-                else {"count": int(MORE_MODES * body.modes.count) + 1}
+                else {"count": int(limits.MORE_MODES * body.modes.count) + 1}
             ),
         )
     if too_much["time"] > 1:
-        scene = change_simulation(scene, error=max(scene.simulation.error / (2 * too_much["time"]), LEAST_ERROR))
+        scene = change_simulation(scene, error=max(scene.simulation.error / (2 * too_much["time"]), limits.LEAST_ERROR))
     return scene
 
 
@@ -229,7 +216,7 @@ def choose_piece_counts(run: Pipeline) -> Pipeline:
     if not counts:
         return run
     accuracy = run.scene.accuracy
-    required = TOO_LARGE if accuracy is None else accuracy / SAFETY
+    required = limits.TOO_LARGE if accuracy is None else accuracy / limits.SAFETY
     while True:
         chosen = run.variant(set_pieces(run.scene, counts), run.store.monitor)
         try:

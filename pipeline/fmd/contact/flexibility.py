@@ -10,14 +10,7 @@ import numpy as np
 
 from fmd.contact.touching_body import ContactPoints
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.contact import (
-    COLUMNS_AT_ONCE,
-    FORCES_RESOLVED,
-    LEAST_FLEXIBILITY,
-    LEAST_SHARE,
-    MOST_POINTS,
-    OTHER_FACETS,
-)
+from fmd.core.limits import contact as limits
 
 if TYPE_CHECKING:
     from fmd.fem.markers import Marker
@@ -42,9 +35,9 @@ def pressed_nodes(marker: Marker) -> tuple[IntArray, Array]:
         raise ValueError("is no face that can deform; an averaged marker on a face works")
     area = marker.areas.sum()
     share = marker.areas / area
-    pressed = share > LEAST_SHARE * share.max()
+    pressed = share > limits.LEAST_SHARE * share.max()
     push = share[pressed].sum()  # 1 of triangles, 4/3 of quadrilaterals
-    if min(abs(push - 1.0), abs(push - 4.0 / 3.0)) > OTHER_FACETS:
+    if min(abs(push - 1.0), abs(push - 4.0 / 3.0)) > limits.OTHER_FACETS:
         raise ValueError("has quadratic triangles and quadrilaterals, which no forces that push load alike; two work")
     return marker.nodes[pressed], share[pressed] / push * area
 
@@ -78,9 +71,9 @@ def contact_points(
             raise ValueError(f"{name} {error}") from error
     corners = [own.ravel() for own in triangles.values()]
     at: IntArray = np.unique(np.concatenate([*(nodes for nodes, _ in pressed.values()), *corners]))
-    if (n := len(at)) > MOST_POINTS:
+    if (n := len(at)) > limits.MOST_POINTS:
         raise ValueError(
-            f"{', '.join(faces)}: {n} points, of which {MOST_POINTS} can be followed; a smaller face "
+            f"{', '.join(faces)}: {n} points, of which {limits.MOST_POINTS} can be followed; a smaller face "
             "or larger elements work"
         )
     numbers = {name: np.searchsorted(at, nodes) for name, (nodes, _) in pressed.items()}
@@ -131,10 +124,10 @@ def find_residual_fields(
     combinations of a few have as few fields (singular values).
     """
     parts, sizes, rows = np.linalg.svd(forces.reshape(len(forces), -1), full_matrices=False)
-    count = int((sizes > FORCES_RESOLVED * sizes.max(initial=0.0)).sum())
+    count = int((sizes > limits.FORCES_RESOLVED * sizes.max(initial=0.0)).sum())
     V, fields = _elastic_shapes(fe, solver, body), np.empty((len(fe.x), 3, count))
-    for first in range(0, count, COLUMNS_AT_ONCE):
-        some = rows[first : min(first + COLUMNS_AT_ONCE, count)].T.reshape(len(nodes), 3, -1)
+    for first in range(0, count, limits.COLUMNS_AT_ONCE):
+        some = rows[first : min(first + limits.COLUMNS_AT_ONCE, count)].T.reshape(len(nodes), 3, -1)
         loads = np.zeros((len(fe.x), 3, some.shape[2]))
         loads[nodes] = some
         modal = np.einsum("nam,nak->mk", V[nodes], some) / body.omega[:, None] ** 2
@@ -151,11 +144,11 @@ def _raised(G: Array, whole: Array) -> tuple[Array, float]:
     L = np.linalg.cholesky(whole)
     half = np.linalg.solve(L, _symmetric(G))
     parts, V = np.linalg.eigh(_symmetric(np.linalg.solve(L, half.T)))
-    low = parts < LEAST_FLEXIBILITY
+    low = parts < limits.LEAST_FLEXIBILITY
     if not low.any():
         return _symmetric(G), 0.0
     V = L @ V
-    return _symmetric((V * np.maximum(parts, LEAST_FLEXIBILITY)) @ V.T), float(low.mean())
+    return _symmetric((V * np.maximum(parts, limits.LEAST_FLEXIBILITY)) @ V.T), float(low.mean())
 
 
 def _symmetric(A: Array) -> Array:

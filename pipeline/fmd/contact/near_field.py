@@ -19,14 +19,7 @@ from fmd.contact.half_space import half_space_flexibility, point_flexibility
 from fmd.contact.surface_fit import Quadric, fit_quadric
 from fmd.contact.touching_body import ContactPoints, Grid
 from fmd.core.arrays import Array, BoolArray, IntArray
-from fmd.core.limits.contact import (
-    APART,
-    LEAST_CURVED,
-    LINE_CONTACT,
-    RING,
-    SMOOTHED,
-    UNSEEN_WEIGHT,
-)
+from fmd.core.limits import contact as limits
 
 
 @dataclass(frozen=True)
@@ -43,7 +36,7 @@ class CurvedPlace:
     @property
     def is_line(self) -> bool:
         """True if the face touches a plane along a line."""
-        return self.curvatures[1] < LINE_CONTACT * self.curvatures[0]
+        return self.curvatures[1] < limits.LINE_CONTACT * self.curvatures[0]
 
     def half_width(self, E: float, nu: float, force: float, work: float) -> float:
         """Estimate half the width of the contact under a force at rest [N] or a shock of a work [J] (Hertz)."""
@@ -72,7 +65,10 @@ def find_curved_place(points: ContactPoints, face: str, normal: Array) -> Curved
     tangents[1] *= np.sign(np.linalg.det(np.vstack([normal, tangents])))
     beside = (x - place) @ tangents.T
     ends = np.stack([beside.min(axis=0), beside.max(axis=0)], axis=1)
-    if not curvatures[1] * np.ptp(x, axis=0).max() > LEAST_CURVED or curvatures[0] < -LINE_CONTACT * curvatures[1]:
+    if (
+        not curvatures[1] * np.ptp(x, axis=0).max() > limits.LEAST_CURVED
+        or curvatures[0] < -limits.LINE_CONTACT * curvatures[1]
+    ):
         return None
     if (ends[:, 0] > 0.0).any() or (ends[:, 1] < 0.0).any():
         return None  # it touches with a border
@@ -105,7 +101,7 @@ def with_near_field(
     x = flat + at.surface.heights(flat, at.axes[0])[:, None] * at.axes[0]
     mine, others = points.faces[face], _used_by_others(points, face)
     weights = _weights(x, points.x[mine], at)
-    used = np.flatnonzero(np.abs(weights).max(axis=0) > UNSEEN_WEIGHT)
+    used = np.flatnonzero(np.abs(weights).max(axis=0) > limits.UNSEEN_WEIGHT)
     weights, nodes = weights[:, used], mine[used]
     along = np.outer(places[:, 1], at.axes[2]) if at.is_line else np.zeros((len(x), 3))
     smooth = _weights(at.place + along, points.x[nodes], at)
@@ -181,7 +177,7 @@ def _weights(x: Array, nodes: Array, at: CurvedPlace) -> Array:
     place = (nodes - at.place) @ at.axes[1:].T / at.spacing
     for k, point in enumerate(x):
         apart = np.linalg.norm(nodes - point, axis=1)
-        size = max(SMOOTHED * at.spacing, float(np.sort(apart)[min(5, len(apart) - 1)]))
+        size = max(limits.SMOOTHED * at.spacing, float(np.sort(apart)[min(5, len(apart) - 1)]))
         w = np.exp(-((apart / size) ** 2))
         here = (point - at.place) @ at.axes[1:].T / at.spacing
         rows = np.column_stack([np.ones(len(nodes)), place - here]) * np.sqrt(w)[:, None]
@@ -196,8 +192,8 @@ def _far_field(points: ContactPoints, nodes: IntArray, at: CurvedPlace, E: float
     """
     x = (points.x[nodes] - at.place) @ at.axes[1:].T
     distance = np.linalg.norm(points.x[nodes][:, None] - points.x[nodes][None], axis=2)
-    near = distance < APART * at.spacing
-    ring = ~near & (distance < RING * at.spacing)
+    near = distance < limits.APART * at.spacing
+    ring = ~near & (distance < limits.RING * at.spacing)
     ring = np.where(ring.any(axis=1, keepdims=True), ring, ~near)
     apart = x[:, None] - x[None]
     across = np.linalg.norm(apart, axis=2)

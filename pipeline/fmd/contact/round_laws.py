@@ -15,14 +15,7 @@ from scipy.special import ellipe, ellipkm1
 
 from fmd.contact.half_space import half_space_flexibility
 from fmd.core.arrays import Array
-from fmd.core.limits.contact import (
-    FLATTEST,
-    LAW_ROWS,
-    LAW_STRIPS,
-    LEAST_ANGLE,
-    ROUND_ENOUGH,
-    WIDEST_ANGLE,
-)
+from fmd.core.limits import contact as limits
 
 DEPTH, LOAD, POWER, STORED, SIZE, GROWTH, PEAK = range(7)
 """Columns of a law from a depth on: force, its exponent, energy beside that of the power, area, its exponent, largest
@@ -103,8 +96,8 @@ def ball_law(curvatures: tuple[float, float], modulus: float) -> tuple[Row, ...]
         return float((K - E) / (E / square - K) - less / more)
 
     square = 1.0  # of the short axis b over the long one a
-    if less < (1.0 - ROUND_ENOUGH) * more:
-        square = float(np.exp(brentq(fault, np.log(FLATTEST), np.log(1.0 - 0.1 * ROUND_ENOUGH))))
+    if less < (1.0 - limits.ROUND_ENOUGH) * more:
+        square = float(np.exp(brentq(fault, np.log(limits.FLATTEST), np.log(1.0 - 0.1 * limits.ROUND_ENOUGH))))
     K, E = ellipkm1(square), ellipe(1.0 - square)
     push = modulus / K  # p0 b, by the depth
     size = 2.0 * push * E / (square * modulus * (less + more))  # a², by the depth
@@ -118,14 +111,16 @@ def pin_law(radius: float, bore: float, length: float, modulus: float) -> tuple[
     Radius, bore, infinite of a plane, and length are in m. Wider contacts than that are no half-space's.
     """
     found = []
-    for angle in np.geomspace(LEAST_ANGLE, WIDEST_ANGLE, LAW_ROWS):
-        theta = (np.arange(LAW_STRIPS) + 0.5) / LAW_STRIPS * 2.0 * angle - angle
-        across, wide = radius * theta, 2.0 * radius * angle / LAW_STRIPS
-        places = np.stack([across, np.zeros(LAW_STRIPS)], axis=1)
+    for angle in np.geomspace(limits.LEAST_ANGLE, limits.WIDEST_ANGLE, limits.LAW_ROWS):
+        theta = (np.arange(limits.LAW_STRIPS) + 0.5) / limits.LAW_STRIPS * 2.0 * angle - angle
+        across, wide = radius * theta, 2.0 * radius * angle / limits.LAW_STRIPS
+        places = np.stack([across, np.zeros(limits.LAW_STRIPS)], axis=1)
         C = half_space_flexibility(places, (wide, length), 1.0, 0.0)[:, 0, :, 0] / modulus
         # A pin that is d deep along θ = 0 leaves c (1 − cos θ) − d cos θ, c the difference of the radii.
         fall = 1.0 - np.cos(theta)
-        gap, along = (radius * fall, np.ones(LAW_STRIPS)) if np.isinf(bore) else ((bore - radius) * fall, np.cos(theta))
+        gap, along = (
+            (radius * fall, np.ones(limits.LAW_STRIPS)) if np.isinf(bore) else ((bore - radius) * fall, np.cos(theta))
+        )
         lifted, held = np.linalg.solve(C, np.stack([along, gap], axis=1)).T
         depth = float((held / lifted).max())
         force = depth * lifted - held

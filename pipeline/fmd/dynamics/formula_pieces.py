@@ -10,20 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.formula import Formula
-from fmd.core.limits.loads import (
-    FARTHEST,
-    GAUSS_POINTS,
-    INSET,
-    LITTLE_WORK,
-    MOST_LEVELS,
-    MOST_PIECES,
-    NARROWER,
-    NEAREST,
-    SMOOTH_REST,
-    SOMEWHAT_BEYOND,
-    TAYLOR_TERMS,
-    WIDER,
-)
+from fmd.core.limits import loads as limits
 from fmd.dynamics.compiler.formulas import trace_formula
 from fmd.dynamics.compiler.graph import Graph, Scalar, total
 from fmd.dynamics.compiler.interpret import evaluation_of
@@ -47,14 +34,14 @@ class LawPieces:
 @lru_cache(maxsize=64)
 def divide_formula(formula: Formula) -> LawPieces:
     """Divide the elongations until a formula is smooth on each piece, or does next to nothing there."""
-    farthest = FARTHEST
+    farthest = limits.FARTHEST
     while True:
         pieces = _FormulaPieces(formula, farthest)
         if pieces.resolved:
             break
-        farthest /= NARROWER
+        farthest /= limits.NARROWER
     edges = pieces.edges
-    if farthest == FARTHEST:
+    if farthest == limits.FARTHEST:
         return LawPieces(edges[1:-1])
     return LawPieces(edges, float(np.diff(edges).min()))
 
@@ -78,14 +65,14 @@ class _FormulaPieces:
 
     def _divide(self, begin: Array, end: Array, farthest: float) -> tuple[Array, bool]:
         kept, count = [end[-1:]], 0
-        for level in range(MOST_LEVELS + 1):
+        for level in range(limits.MOST_LEVELS + 1):
             smooth, little = self._weigh(begin, end)
-            done = smooth | little | (level == MOST_LEVELS)
+            done = smooth | little | (level == limits.MOST_LEVELS)
             kept.append(begin[done])
             count += len(done)
             if done.all():
                 break
-            if count > MOST_PIECES and farthest > NEAREST:
+            if count > limits.MOST_PIECES and farthest > limits.NEAREST:
                 return np.zeros(0), False
             first, last = begin[~done], end[~done]
             middle = 0.5 * (first + last)
@@ -99,20 +86,22 @@ class _FormulaPieces:
         both, rough = self._series(np.concatenate([begin, middle]), np.concatenate([end, middle]))
         bounds, at_middle, rough = [x[:, :n] for x in both], [x[:, n:] for x in both], rough[:n]
         sizes = [np.abs(x[0]) * half**k for k, x in enumerate(at_middle[:-1])]
-        rest = np.where(rough, math.inf, np.abs(bounds[-1]).max(axis=0) * half ** (TAYLOR_TERMS - 1))
+        rest = np.where(rough, math.inf, np.abs(bounds[-1]).max(axis=0) * half ** (limits.TAYLOR_TERMS - 1))
         spread = np.minimum(np.nan_to_num(rest, nan=math.inf), bounds[0][1] - bounds[0][0])
         nothing = ~self._has_value(begin, middle, end)  # the march will tell
-        little = np.nan_to_num(spread, nan=math.inf) * (end - begin) <= LITTLE_WORK * self._weight(begin, end, sizes[0])
-        return (np.isfinite(rest) & (rest <= SMOOTH_REST * np.sum(sizes, axis=0))) | nothing, little
+        little = np.nan_to_num(spread, nan=math.inf) * (end - begin) <= limits.LITTLE_WORK * self._weight(
+            begin, end, sizes[0]
+        )
+        return (np.isfinite(rest) & (rest <= limits.SMOOTH_REST * np.sum(sizes, axis=0))) | nothing, little
 
     def _has_value(self, begin: Array, middle: Array, end: Array) -> BoolArray:
         """Return on which pieces the formula has a finite value in the middle or near an end."""
-        inset = INSET * (end - begin)
+        inset = limits.INSET * (end - begin)
         points = np.concatenate([begin + inset, middle, end - inset])
         (values, *_), _ = self._series(points, points, 1)
         return np.asarray(np.isfinite(values[0]).reshape(3, -1).any(axis=0))
 
-    def _series(self, begin: Array, end: Array, n_terms: int = TAYLOR_TERMS) -> tuple[list[Array], BoolArray]:
+    def _series(self, begin: Array, end: Array, n_terms: int = limits.TAYLOR_TERMS) -> tuple[list[Array], BoolArray]:
         pieces = PieceBounds(begin, end, n_terms)
         return pieces.run_program(self._formula.codes, self._formula.constants), pieces.rough
 
@@ -120,7 +109,7 @@ class _FormulaPieces:
         """Return the largest force known from 0 to somewhat beyond the near end of each piece, times that way."""
         middle, weight = 0.5 * (begin + end), np.full(len(begin), math.inf)
         near = np.where(begin * end < 0.0, 0.0, np.minimum(np.abs(begin), np.abs(end)))
-        far = np.maximum(SOMEWHAT_BEYOND * near, NEAREST)
+        far = np.maximum(limits.SOMEWHAT_BEYOND * near, limits.NEAREST)
         for side, known in self._known.items():
             inside = np.copysign(1.0, middle) == side
             new = np.stack([np.abs(middle[inside]), np.nan_to_num(force[inside], posinf=0.0)])
@@ -149,7 +138,7 @@ class _FormulaPieces:
             return
         begin, end = self.edges[:-1], self.edges[1:]
         about, _ = self._series(begin - lengths, end + lengths, 1)
-        weight = WIDER * LITTLE_WORK * self._weight(begin, end, np.zeros(len(begin)))
+        weight = limits.WIDER * limits.LITTLE_WORK * self._weight(begin, end, np.zeros(len(begin)))
         little = (about[0][1] - about[0][0]) * lengths <= weight
         shorter = np.r_[False, (lengths[1:-1] < lengths[2:]) & (lengths[1:-1] < lengths[:-2]), False]
         self.edges = np.delete(self.edges, np.flatnonzero(little & shorter))
@@ -188,7 +177,7 @@ class FormulaIntegral:
         return value + self._trace_between(begin, x)
 
     def _trace_between(self, begin: Scalar, end: Scalar) -> Scalar:
-        points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+        points, weights = np.polynomial.legendre.leggauss(limits.GAUSS_POINTS)
         length = end - begin
         places = (begin + length * float(0.5 * (point + 1.0)) for point in points)
         inside = (trace_formula(self._formula.codes, self._formula.constants, place) for place in places)

@@ -12,36 +12,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, StabilityError
-from fmd.core.limits.stepping import (
-    COMPARED_TIMES,
-    COUNTED_STEPS,
-    DOUBLED_OFTEN,
-    FEW_STEPS,
-    FEWEST_EVALUATIONS,
-    FINEST_TOLERANCE,
-    FIRST_IMPLICIT_STEPS,
-    FIRST_STEPS,
-    FIRST_TOLERANCE,
-    IMPLICIT_SHARE,
-    IMPLICIT_STEPS_IN_ACTION,
-    LARGEST_MET,
-    LEAP,
-    MANY_BREAKPOINTS,
-    MET,
-    MOST_DOUBLINGS,
-    MOST_EXPLICIT,
-    NEARLY,
-    ODD,
-    RESOLVED,
-    SHORTER_STEPS,
-    TRIAL,
-    UNRESOLVED_LEAST,
-    UNRESOLVED_MOST,
-    UNRESOLVED_ORDER,
-    WORTH_A_CORE,
-    WORTH_A_TRIAL,
-    WORTHWHILE,
-)
+from fmd.core.limits import stepping as limits
 from fmd.dynamics.system import System
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.exponential import PiecewiseExponential
@@ -142,9 +113,9 @@ class Automatic(Integrator):
         """
         report = pairs_of(system, self.error)
         # Vibrations have short peaks.
-        some = times if self._stiff(system) else compared_times(times, COMPARED_TIMES)
+        some = times if self._stiff(system) else compared_times(times, limits.COMPARED_TIMES)
         for marches in self._methods(system, q0, v0, some, times, report, progress):
-            march = march_at_once if marches.cost > WORTH_A_CORE else march_in_turn
+            march = march_at_once if marches.cost > limits.WORTH_A_CORE else march_in_turn
             found, seconds = march(marches.functions(system, q0, v0, some, times), progress)
             report.seconds += seconds
             agreed = False
@@ -176,9 +147,11 @@ class Automatic(Integrator):
         said = f"the last two marches differ by {report.difference:.1e}, above {self.error:.0e}"
         if not report.parting:
             return said
-        found, met = report.parting, MET * report.difference
+        found, met = report.parting, limits.MET * report.difference
         said += f", most in {system.describe_coordinate(found.number, found.is_rate)}; they agree up to t = "
-        ways = ["a duration up to there"] * (found.until > 0.0) + [f"an error of {met:.1g}"] * (met < LARGEST_MET)
+        ways = ["a duration up to there"] * (found.until > 0.0) + [f"an error of {met:.1g}"] * (
+            met < limits.LARGEST_MET
+        )
         said += f"{found.until:.4g} s" + (f", so that {' or '.join(ways)} can be met" if ways else "")
         laws = ", ".join(dict.fromkeys(law.name for law in system.piecewise_laws))
         return f"{said}; shocks by {laws} are sensitive, and more damping makes them less so" if laws else said
@@ -199,28 +172,28 @@ class Automatic(Integrator):
         if (
             not sampled
             and system.n_positions == system.n
-            and len(system.breakpoints) <= MANY_BREAKPOINTS
+            and len(system.breakpoints) <= limits.MANY_BREAKPOINTS
             and not (stiff and system.coupled)
         ):
             yield from self._exponential_methods(system, some.size, times.size, report)
         adaptive: type[RungeKutta | ExponentialRosenbrock] = RungeKutta
-        if self.duration > MOST_EXPLICIT * system.largest_step:  # by dampers
+        if self.duration > limits.MOST_EXPLICIT * system.largest_step:  # by dampers
             adaptive = ExponentialRosenbrock
         elif stiff and not sampled:
             leapfrog_steps = max(
-                explicit_frequency(system) * self.duration / LEAP,
-                IMPLICIT_STEPS_IN_ACTION * self.duration / system.shortest_action,
+                explicit_frequency(system) * self.duration / limits.LEAP,
+                limits.IMPLICIT_STEPS_IN_ACTION * self.duration / system.shortest_action,
             )
             leapfrog_steps = self.duration / system.resolving_step(self.duration / leapfrog_steps)[0]
             cost = 3 * leapfrog_steps * leapfrog_cost(system)  # of two marches, of so many steps and twice as many
-            yield from self._implicit_methods(system, q0, v0, IMPLICIT_SHARE * cost, report)
-            if cost > WORTH_A_TRIAL * rosenbrock_cost(system, 1.0):
-                end = min(TRIAL * self.duration, float(times[-1]))
+            yield from self._implicit_methods(system, q0, v0, limits.IMPLICIT_SHARE * cost, report)
+            if cost > limits.WORTH_A_TRIAL * rosenbrock_cost(system, 1.0):
+                end = min(limits.TRIAL * self.duration, float(times[-1]))
                 explicit = min(cost, explicit_pair_cost(system, self.duration))
                 most = self._steps_worth_taking(system, q0, v0, explicit, end, progress)
                 if most:
                     yield from self._adaptive_marches(ExponentialRosenbrock, system, q0, v0, report, most)
-            allowed = WORTHWHILE * stable_steps(system, self.duration) * explicit_cost(system)
+            allowed = limits.WORTHWHILE * stable_steps(system, self.duration) * explicit_cost(system)
             yield from self._leapfrog_methods(system, leapfrog_steps, allowed, report)
         yield from self._adaptive_marches(adaptive, system, q0, v0, report)
 
@@ -245,7 +218,7 @@ class Automatic(Integrator):
             yield _Marches((each,), cost, start)
 
     def _stiff(self, system: System) -> bool:
-        return stable_steps(system, self.duration) > FEW_STEPS
+        return stable_steps(system, self.duration) > limits.FEW_STEPS
 
     def _adaptive_methods(
         self, method: type[RungeKutta | ExponentialRosenbrock], most_steps: float
@@ -256,15 +229,15 @@ class Automatic(Integrator):
         """
         for k, tolerance in enumerate(self._tolerances(_FINER[method])):
             if method is RungeKutta:
-                yield RungeKutta(tolerance, DAMPED / NEARLY**k)
+                yield RungeKutta(tolerance, DAMPED / limits.NEARLY**k)
             else:
                 yield ExponentialRosenbrock(tolerance, most_steps)
 
     def _tolerances(self, finer: float) -> list[float]:
         """Return tolerances from coarse to the finest one, which comes once: twice it would agree with itself."""
-        found = [max(self.error * FIRST_TOLERANCE, FINEST_TOLERANCE)]
-        while found[-1] > 2 * FINEST_TOLERANCE:
-            found.append(max(finer * found[-1], FINEST_TOLERANCE))
+        found = [max(self.error * limits.FIRST_TOLERANCE, limits.FINEST_TOLERANCE)]
+        while found[-1] > 2 * limits.FINEST_TOLERANCE:
+            found.append(max(finer * found[-1], limits.FINEST_TOLERANCE))
         return found
 
     def _exponential_methods(
@@ -275,20 +248,20 @@ class Automatic(Integrator):
 
         def march(k: int) -> PiecewiseExponential:
             # Odd numbers, lest two marches agree that see a vibration at the same points of its periods.
-            steps = FIRST_STEPS * 2**k + (ODD * (2 * k - 1) if k else 0)
+            steps = limits.FIRST_STEPS * 2**k + (limits.ODD * (2 * k - 1) if k else 0)
             # What happens between two breakpoints takes finer steps too, lest two marches agree that miss it alike.
             return PiecewiseExponential(self.duration / steps, 2 ** (k + 2))
 
-        first = exponential_cost(system, FIRST_STEPS, n_compared)
-        cost, k = exponential_cost(system, 2 * FIRST_STEPS, n_outputs), 1
+        first = exponential_cost(system, limits.FIRST_STEPS, n_compared)
+        cost, k = exponential_cost(system, 2 * limits.FIRST_STEPS, n_outputs), 1
         if not first + cost < allowed:
             return
         yield _Marches((march(0), march(1)), cost)
         while not report.failures:
             more = report.difference / self.error if np.isfinite(report.difference) else 1.0
-            k += max(1, math.ceil(math.log(more, DOUBLED_OFTEN)))
-            cost = exponential_cost(system, FIRST_STEPS * 2**k, n_outputs)
-            if k > MOST_DOUBLINGS or not cost < allowed:
+            k += max(1, math.ceil(math.log(more, limits.DOUBLED_OFTEN)))
+            cost = exponential_cost(system, limits.FIRST_STEPS * 2**k, n_outputs)
+            if k > limits.MOST_DOUBLINGS or not cost < allowed:
                 return
             yield _Marches((march(k),), cost)
 
@@ -301,21 +274,26 @@ class Automatic(Integrator):
         """
         report.start_anew()
         steps = float(
-            max(FIRST_IMPLICIT_STEPS, np.ceil(IMPLICIT_STEPS_IN_ACTION * self.duration / system.shortest_action))
+            max(
+                limits.FIRST_IMPLICIT_STEPS,
+                np.ceil(limits.IMPLICIT_STEPS_IN_ACTION * self.duration / system.shortest_action),
+            )
         )
         cost = implicit_cost(system)
-        if 3 * steps * FEWEST_EVALUATIONS * cost <= allowed:
+        if 3 * steps * limits.FEWEST_EVALUATIONS * cost <= allowed:
             steps = self.duration / system.resolving_step(self.duration / steps)[0]
-        if 3 * steps * FEWEST_EVALUATIONS * cost > allowed:
+        if 3 * steps * limits.FEWEST_EVALUATIONS * cost > allowed:
             return
         try:
-            piece = np.array([COUNTED_STEPS * self.duration / steps])
-            per_step = GeneralizedAlpha(self.duration / steps).march(system, q0, v0, piece).evaluations / COUNTED_STEPS
+            piece = np.array([limits.COUNTED_STEPS * self.duration / steps])
+            per_step = (
+                GeneralizedAlpha(self.duration / steps).march(system, q0, v0, piece).evaluations / limits.COUNTED_STEPS
+            )
         except AccuracyError:  # a step has no solution
             per_step = float(system.n)
         if 3 * steps * per_step * cost > allowed:
             return
-        steps *= NEARLY
+        steps *= limits.NEARLY
         while steps * per_step * cost <= allowed:
             yield self._nearly_alike(GeneralizedAlpha, steps, steps * per_step * cost)
             if report.before is not None:
@@ -329,19 +307,19 @@ class Automatic(Integrator):
         step, the difference hardly falls, and other methods take over.
         """
         report.start_anew()
-        steps *= NEARLY
+        steps *= limits.NEARLY
         while steps * leapfrog_cost(system) <= allowed:
             yield self._nearly_alike(CentralDifference, steps, steps * leapfrog_cost(system))
             if report.failures > 2 or report.stays:
                 return
-            steps *= report.more_steps() if np.isfinite(report.difference) else SHORTER_STEPS
+            steps *= report.more_steps() if np.isfinite(report.difference) else limits.SHORTER_STEPS
 
     def _nearly_alike(self, method: type[CentralDifference | GeneralizedAlpha], steps: float, cost: float) -> _Marches:
         """Return marches by a method of second order, the last one with so many steps.
 
         Far fewer steps in the first don't resolve all vibrations, and tell less than the order promises.
         """
-        return _Marches((method(NEARLY * self.duration / steps), method(self.duration / steps)), cost)
+        return _Marches((method(limits.NEARLY * self.duration / steps), method(self.duration / steps)), cost)
 
     def _steps_worth_taking(
         self, system: System, q0: Array, v0: Array, explicit: float, end: float, progress: Progress | None
@@ -351,7 +329,7 @@ class Automatic(Integrator):
         The steps that it takes to ``end`` tell. What begins to act later may make them shorter, and then their number
         ends its march.
         """
-        method = ExponentialRosenbrock(self.error * FIRST_TOLERANCE)
+        method = ExponentialRosenbrock(self.error * limits.FIRST_TOLERANCE)
         try:
             # Its progress is that of a march to the end, which may be ended where that would take too long.
             watch = None if progress is None else lambda done: progress(end / self.duration * done)
@@ -364,6 +342,6 @@ class Automatic(Integrator):
 
 
 def _gain(coarse: Trajectory, system: System) -> Gain:
-    if coarse.integrator == RungeKutta.name and system.highest_frequency * coarse.step > RESOLVED:
-        return Gain(UNRESOLVED_ORDER, UNRESOLVED_LEAST, UNRESOLVED_MOST)
+    if coarse.integrator == RungeKutta.name and system.highest_frequency * coarse.step > limits.RESOLVED:
+        return Gain(limits.UNRESOLVED_ORDER, limits.UNRESOLVED_LEAST, limits.UNRESOLVED_MOST)
     return _GAINS[coarse.integrator]

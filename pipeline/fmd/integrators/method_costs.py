@@ -4,13 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmd.core.limits.stepping import (
-    ACCURATE_EVALUATIONS,
-    ACCURATE_STABLE_STEP,
-    COST_OF_PIECE,
-    COST_OF_SAMPLE,
-    OVERHEAD,
-)
+from fmd.core.limits import stepping as limits
 from fmd.dynamics.system import System
 from fmd.integrators.runge_kutta import DAMPED
 
@@ -34,13 +28,13 @@ def rosenbrock_cost(system: System, step: float) -> float:
 
 def implicit_cost(system: System) -> float:
     """Cost of an evaluation of generalised-α, with a solution by a kept factor or its share of a new one."""
-    return system.evaluation_cost + 4 * system.n**2 + OVERHEAD
+    return system.evaluation_cost + 4 * system.n**2 + limits.OVERHEAD
 
 
 def exponential_cost(system: System, steps: int, n_outputs: int) -> float:
     """Cost of a march of the exponential method by so many steps; each breakpoint begins a march of its own."""
     of_steps = 4 * steps * (system.evaluation_cost + 20 * system.n)
-    return of_steps + COST_OF_SAMPLE * n_outputs * system.n + COST_OF_PIECE * len(system.breakpoints)
+    return of_steps + limits.COST_OF_SAMPLE * n_outputs * system.n + limits.COST_OF_PIECE * len(system.breakpoints)
 
 
 def stable_steps(system: System, duration: float) -> float:
@@ -55,4 +49,8 @@ def explicit_frequency(system: System) -> float:
 
 def explicit_pair_cost(system: System, duration: float) -> float:
     """Cost of two marches of the Runge–Kutta method over a duration [s], of which the second mostly does."""
-    return (ACCURATE_EVALUATIONS + ACCURATE_STABLE_STEP * stable_steps(system, duration)) * explicit_cost(system) / 12
+    return (
+        (limits.ACCURATE_EVALUATIONS + limits.ACCURATE_STABLE_STEP * stable_steps(system, duration))
+        * explicit_cost(system)
+        / 12
+    )

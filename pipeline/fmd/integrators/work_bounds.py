@@ -16,14 +16,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
-from fmd.core.limits.stepping import (
-    CYCLES_BETWEEN_CHECKS,
-    ELONGATIONS,
-    FINER_DOUBLINGS,
-    MISSED_WORK,
-    SURE_WORK,
-    WORST_STEPS,
-)
+from fmd.core.limits import stepping as limits
 from fmd.dynamics.law_pieces import PiecewiseLaw
 from fmd.dynamics.step_bounds import StepBounds, no_bounds, record_step_start, record_step_start_of
 from fmd.kernels.kernel import inlined
@@ -70,8 +63,8 @@ class WorkCheck:
     def __init__(self, system: Any, origin: float, step: float, cycle: int) -> None:
         bounds = system.step_bounds
         self._step, self._cycle = step, cycle
-        self.most_steps = CYCLES_BETWEEN_CHECKS * cycle if bounds.n_laws else np.iinfo(np.int64).max
-        self.log = _log(bounds, origin, step, CYCLES_BETWEEN_CHECKS) if bounds.n_laws else _no_log()
+        self.most_steps = limits.CYCLES_BETWEEN_CHECKS * cycle if bounds.n_laws else np.iinfo(np.int64).max
+        self.log = _log(bounds, origin, step, limits.CYCLES_BETWEEN_CHECKS) if bounds.n_laws else _no_log()
         self._passes = [_Passes(law) for law in system.piecewise_laws]
 
     @property
@@ -131,7 +124,7 @@ class _Passes:
         missed, worst = self._missed(x)
         if worst > self._worst:
             at = int(np.argmax(np.abs(missed)))
-            self._worst, self._about = worst, x[max(at - WORST_STEPS, 0) : at + WORST_STEPS].copy()
+            self._worst, self._about = worst, x[max(at - limits.WORST_STEPS, 0) : at + limits.WORST_STEPS].copy()
 
     def _missed(self, x: Array) -> tuple[Array, float]:
         """Return the work that each step misses, and the most in a pass [J]."""
@@ -152,7 +145,7 @@ class _Passes:
     def _energy(self) -> float:
         """How much the law's energy differs over the elongations of the march [J]."""
         inside = self._edges[(self._edges > self._low) & (self._edges < self._high)]
-        places = np.concatenate([np.linspace(self._low, self._high, ELONGATIONS), inside])
+        places = np.concatenate([np.linspace(self._low, self._high, limits.ELONGATIONS), inside])
         return float(np.ptp(self._law.energies(places)))
 
     @property
@@ -169,14 +162,14 @@ class _Passes:
 
     def times_as_many(self) -> int:
         """Return how many times as many steps miss little; 1 if these do."""
-        allowed, doublings = MISSED_WORK * self._energy, 0
+        allowed, doublings = limits.MISSED_WORK * self._energy, 0
         if not self._worst > allowed:
             return 1
         numbers = np.arange(len(self._about))
-        for doublings in range(1, FINER_DOUBLINGS + 1):
+        for doublings in range(1, limits.FINER_DOUBLINGS + 1):
             finer = np.interp(
                 np.linspace(0.0, numbers[-1], (len(numbers) - 1) * 2**doublings + 1), numbers, self._about
             )
-            if self._missed(finer)[1] <= SURE_WORK * allowed:
+            if self._missed(finer)[1] <= limits.SURE_WORK * allowed:
                 break
         return int(2**doublings)

@@ -12,15 +12,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.files import whole_file
-from fmd.core.limits.responses import (
-    CANCELS,
-    FAR_ZERO,
-    INFINITE_ZERO,
-    LEAST_DAMPING,
-    NEAREST_TO_POLE,
-    ROUNDED_POLES,
-    SLOW_POLE,
-)
+from fmd.core.limits import responses as limits
 from fmd.core.limits.round_off import SUMMED
 
 
@@ -72,7 +64,10 @@ class StateSpace:
         It is measured by the fastest oscillation: what strong dampers hold decays faster by many orders.
         """
         oscillation = float(self.poles.imag.max(initial=0.0))
-        return max(SLOW_POLE * (oscillation or self._fastest), ROUNDED_POLES * np.finfo(float).eps * self._fastest)
+        return max(
+            limits.SLOW_POLE * (oscillation or self._fastest),
+            limits.ROUNDED_POLES * np.finfo(float).eps * self._fastest,
+        )
 
     @property
     def oscillating_poles(self) -> Array:
@@ -115,11 +110,11 @@ class StateSpace:
         pencil = np.block([[self.A / speed, b[:, None] / size_b], [c[None] / size_c, np.array([[d * speed]])]])
         pencil[n, n] /= size_b * size_c
         pair = eigvals(pencil, np.diag(np.r_[np.ones(n), 0.0]), homogeneous_eigvals=True)
-        finite = np.abs(pair[0]) < INFINITE_ZERO * np.abs(pair[1])
+        finite = np.abs(pair[0]) < limits.INFINITE_ZERO * np.abs(pair[1])
         zeros = pair[0][finite] / pair[1][finite]
-        zeros = zeros[(zeros.imag > self.slowest_pole / speed) & (np.abs(zeros.real) < FAR_ZERO * zeros.imag)]
+        zeros = zeros[(zeros.imag > self.slowest_pole / speed) & (np.abs(zeros.real) < limits.FAR_ZERO * zeros.imag)]
         apart = np.abs(zeros[:, None] * speed - self.oscillating_poles).min(axis=1, initial=np.inf)
-        zeros = zeros[apart > CANCELS * np.abs(zeros) * speed]
+        zeros = zeros[apart > limits.CANCELS * np.abs(zeros) * speed]
         return np.sort(np.abs(zeros)) * speed / (2 * np.pi)
 
     def frequency_response(self, frequencies_hz: Array) -> Array:
@@ -210,12 +205,14 @@ def choose_frequencies(model: StateSpace, lowest: float, highest: float, points:
     spacing = (highest - lowest) / max(points - 1, 1)
     found: list[Array] = [even]
     for frequency, damping in zip(model.poles_hz, model.damping, strict=True):
-        half = frequency * max(abs(damping), LEAST_DAMPING)
+        half = frequency * max(abs(damping), limits.LEAST_DAMPING)
         count = int(
-            np.ceil(np.log(max(spacing / (ratio - 1.0) / (NEAREST_TO_POLE * half), 20.0 * ratio)) / np.log(ratio))
+            np.ceil(
+                np.log(max(spacing / (ratio - 1.0) / (limits.NEAREST_TO_POLE * half), 20.0 * ratio)) / np.log(ratio)
+            )
         )
-        away = NEAREST_TO_POLE * half * ratio ** np.arange(count)
+        away = limits.NEAREST_TO_POLE * half * ratio ** np.arange(count)
         peak = frequency * np.sqrt(max(1.0 - 2.0 * damping**2, 0.0))
-        found += [peak - away, peak + away, np.full(int(abs(damping) >= LEAST_DAMPING), peak)]
+        found += [peak - away, peak + away, np.full(int(abs(damping) >= limits.LEAST_DAMPING), peak)]
     every = np.unique(np.concatenate(found))
     return np.asarray(every[(every >= lowest) & (every <= highest)])

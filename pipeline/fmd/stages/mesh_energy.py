@@ -10,13 +10,7 @@ from scipy.interpolate import CubicSpline
 from fmd.contact.gear_pair import ToothFlexibility, press_gears
 from fmd.core.arrays import Array
 from fmd.core.involute import GearPair
-from fmd.core.limits.contact import (
-    APPROACHES,
-    LEFT_OUT_FORCE,
-    OVERLOAD,
-    PLACES_OF_PITCH,
-    USUAL_MESH_STIFFNESS,
-)
+from fmd.core.limits import contact as limits
 from fmd.dynamics.elements import MeshEnergy
 from fmd.dynamics.state_functions import StateCurve
 
@@ -29,25 +23,29 @@ def tabulate_energy(pair: GearPair, flexibilities: Sequence[ToothFlexibility], w
     energy has pieces of cubics in both.
     """
     begin, pitch = pair.path[0], pair.pinion.base_pitch
-    places = begin + np.arange(PLACES_OF_PITCH) / PLACES_OF_PITCH * pitch
+    places = begin + np.arange(limits.PLACES_OF_PITCH) / limits.PLACES_OF_PITCH * pitch
 
     def press(approaches: Array, at: Array) -> Array:
         return press_gears(pair, flexibilities, width, approaches, at)
 
-    reach = load / (width * USUAL_MESH_STIFFNESS)
+    reach = load / (width * limits.USUAL_MESH_STIFFNESS)
     for _ in range(2):  # forces rise a little faster than the approach
-        reach *= OVERLOAD * load / float(press(np.array([0.0, reach]), places[:: PLACES_OF_PITCH // 8])[1].min())
-    approaches = reach * np.linspace(0.0, 1.0, APPROACHES + 1) ** 2
+        reach *= (
+            limits.OVERLOAD
+            * load
+            / float(press(np.array([0.0, reach]), places[:: limits.PLACES_OF_PITCH // 8])[1].min())
+        )
+    approaches = reach * np.linspace(0.0, 1.0, limits.APPROACHES + 1) ** 2
     forces = press(approaches, places)
     U, sizes, V = np.linalg.svd(forces, full_matrices=False)
-    kept = range(int((sizes > LEFT_OUT_FORCE * sizes[0]).sum()))
+    kept = range(int((sizes > limits.LEFT_OUT_FORCE * sizes[0]).sum()))
     yielded = np.array([np.interp(load, column, approaches) for column in forces.T])
     stiffest = float((np.diff(forces, axis=0) / np.diff(approaches)[:, None]).max())
     of_approach = tuple(_integrate(approaches, sizes[k] * U[:, k]) for k in kept)
     of_place = tuple(_repeat(places, V[k], pitch) for k in kept)
     between = 0.5 * (approaches[1:] + approaches[:-1])
     between = np.concatenate([[0.0], between[between < yielded.min()]])
-    halfway = places[::4] + 0.5 * pitch / PLACES_OF_PITCH
+    halfway = places[::4] + 0.5 * pitch / limits.PLACES_OF_PITCH
     table = sum(
         np.outer(a.slope.values(between), b.values(halfway)) for a, b in zip(of_approach, of_place, strict=True)
     )

@@ -10,15 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.responses import (
-    ALIKE_AROUND,
-    COMPARED_TURN,
-    ECCENTRIC,
-    ON_AXIS,
-    SHORTEST_RATE,
-    STEADY_RATE,
-    YIELDING,
-)
+from fmd.core.limits import responses as limits
 from fmd.core.limits.round_off import EXACT
 from fmd.core.rotations import matrix_of_quaternion, quaternion_of_matrix, rotation_by
 from fmd.dynamics.elements import SpeedDependentBearing
@@ -201,7 +193,7 @@ class TurningRotor:
         found: dict[str, int] = {}
         for k in sorted(self.on_axis.tolist(), key=lambda k: self.markers[k] != first):
             apart = [float(np.linalg.norm(self._marked[k] - self._marked[other])) for other in found.values()]
-            if min(apart, default=np.inf) > ON_AXIS * self._size:
+            if min(apart, default=np.inf) > limits.ON_AXIS * self._size:
                 found[self.markers[k]] = k
         return dict(sorted(found.items(), key=lambda item: float(self._marked[item[1]] @ self.way.axis)))
 
@@ -218,7 +210,7 @@ class TurningRotor:
                 self._found[to] = self.steady.find(to, q)
             except AccuracyError:
                 step = min(step, abs(rate - known)) / 4
-                if step < SHORTEST_RATE * abs(rate):
+                if step < limits.SHORTEST_RATE * abs(rate):
                     raise
             else:
                 self._require_steady(to)
@@ -244,7 +236,7 @@ class TurningRotor:
     def _on_axis(self, places: Array) -> IntArray:
         """Return the numbers of the markers on the axis."""
         apart = np.linalg.norm(np.cross(places, self.way.axis), axis=1)
-        return np.flatnonzero(apart <= ON_AXIS * max(self._size, 1e-300))
+        return np.flatnonzero(apart <= limits.ON_AXIS * max(self._size, 1e-300))
 
     def _close(self, q: Array) -> Array:
         if not self.mechanism.closures:
@@ -254,10 +246,10 @@ class TurningRotor:
         return closed
 
     def _require_round(self, linearisation: Linearisation) -> None:
-        turned, rotation = self.way.turned(self.rest, COMPARED_TURN)
+        turned, rotation = self.way.turned(self.rest, limits.COMPARED_TURN)
         here = self.steady.model(0.0, self.rest).A
         there = linearisation.at(OperatingPoint(0.0, turned, rotation.rates), rotation.motions).A
-        if _differ(here, there) <= ALIKE_AROUND:
+        if _differ(here, there) <= limits.ALIKE_AROUND:
             return
         if isinstance(self.way, InBearings):
             mend = (
@@ -273,21 +265,21 @@ class TurningRotor:
         A mesh is never quite round: it excites vibrations of discs and ends, far above the rotation, which only yield.
         """
         a = self.steady.accelerations(rate, self._found[rate])[self.steady.independent(model)]
-        k, yielding = len(a), (YIELDING * rate) ** 2
+        k, yielding = len(a), (limits.YIELDING * rate) ** 2
         first, second, *_ = np.split(model.C[:, :k] @ np.linalg.solve(np.eye(k) - model.A[k:, :k] / yielding, a), 6)
         off = float(np.hypot(first, second).max()) / (rate**2 + 1.0)  # at low rates round-off accelerates, too
-        if off > ECCENTRIC * self._size:
+        if off > limits.ECCENTRIC * self._size:
             mend = (
                 f"the rotor is out of balance: at {rate:.4g} rad/s its points are accelerated as by a centre of mass "
                 f"{1e3 * off:.2g} mm off the axis. Its vibrations are computed about a straight axis, and are right up "
-                f"to {1e3 * ECCENTRIC * self._size:.2g} mm; balance it"
+                f"to {1e3 * limits.ECCENTRIC * self._size:.2g} mm; balance it"
             )
             raise InputError(self.scene.file, "body", sorted(self.scene.body), mend)
 
     def _require_steady(self, rate: float) -> None:
         """Raise ``InputError`` if a load of the start turns the rotor faster, or pushes it along its axis."""
         a = self.steady.accelerations(rate, self._found[rate])
-        if self.way.drift(a) > STEADY_RATE * (rate**2 + 1.0):
+        if self.way.drift(a) > limits.STEADY_RATE * (rate**2 + 1.0):
             mend = (
                 "a load of the start accelerates the rotor as a whole, so that it has no steady rotation: hold it, by "
                 "a prescribed motion or an axial stiffness, or let the load begin later"
@@ -327,7 +319,7 @@ def require_one_axis(scene: Scene) -> None:
             continue
         (place,) = (end for end in ends[name] if end.partition(".")[0] == "ground")
         apart = ground_place(scene, place)[0] - at
-        if np.linalg.norm(np.cross(apart, axis)) > ON_AXIS * np.linalg.norm(apart) * np.linalg.norm(axis):
+        if np.linalg.norm(np.cross(apart, axis)) > limits.ON_AXIS * np.linalg.norm(apart) * np.linalg.norm(axis):
             raise _held_beside(scene, hub)
 
 

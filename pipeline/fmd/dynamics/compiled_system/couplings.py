@@ -10,13 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.mechanism import (
-    COUPLED_DEFLECTION,
-    COUPLED_STATES,
-    COUPLED_TIMES,
-    NEGLIGIBLE_DAMPING,
-    NEGLIGIBLE_STIFFNESS,
-)
+from fmd.core.limits import mechanism as limits
 from fmd.core.limits.memory import MOST_SHARED
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.recently_used import RecentlyUsed
@@ -95,8 +89,8 @@ def find_couplings(compiled: CompiledMechanism) -> Couplings:
         by_q, by_v, M = compiled.tangents(inputs, at.q, at.v, at.a)
         driven |= np.any(compiled.input_tangents(inputs, at.q, at.v, at.a)[fast, : len(driven)], axis=0)
         K, C = by_q[fast, n_slow + shift :], by_v[fast, fast]
-        elastic |= _exceed(K, NEGLIGIBLE_STIFFNESS + SOLVED * _scale(K)) or _exceed(C, NEGLIGIBLE_DAMPING)
-        damped |= bool(np.any(np.abs(C) > NEGLIGIBLE_DAMPING * np.sqrt(np.abs(M.diagonal()[fast]))))
+        elastic |= _exceed(K, limits.NEGLIGIBLE_STIFFNESS + SOLVED * _scale(K)) or _exceed(C, limits.NEGLIGIBLE_DAMPING)
+        damped |= bool(np.any(np.abs(C) > limits.NEGLIGIBLE_DAMPING * np.sqrt(np.abs(M.diagonal()[fast]))))
         dragging |= bool((np.abs(by_v) > SOLVED * _scale(M))[:, fast].any())
     if compiled.mechanism.efforts:  # which may be saturated at these states, or 0
         elastic = damped = dragging = True
@@ -126,10 +120,10 @@ def _structure_of(compiled: CompiledMechanism) -> _Structure:
 
 def _make_samples(compiled: CompiledMechanism) -> Iterator[_Sample]:
     mechanism, random, largest = compiled.mechanism, np.random.default_rng(0), _largest_inputs(compiled)
-    for _ in range(COUPLED_STATES):
+    for _ in range(limits.COUPLED_STATES):
         q = random.uniform(-1.0, 1.0, mechanism.n_positions)
         for number, link in enumerate(mechanism.links):
-            q[mechanism.modal_positions_of(number)] *= COUPLED_DEFLECTION
+            q[mechanism.modal_positions_of(number)] *= limits.COUPLED_DEFLECTION
             if link.n_positions > link.n_rates:
                 last = mechanism.layout.position[number] + link.n_positions
                 q[last - 4 : last] /= np.linalg.norm(q[last - 4 : last])
@@ -141,7 +135,7 @@ def _make_samples(compiled: CompiledMechanism) -> Iterator[_Sample]:
 def _largest_inputs(compiled: CompiledMechanism) -> Array:
     """Return the largest of each signal's values at even times and between breakpoints; 1 where these are all 0."""
     mechanism = compiled.mechanism
-    even = np.linspace(0.0, mechanism.horizon, COUPLED_TIMES)
+    even = np.linspace(0.0, mechanism.horizon, limits.COUPLED_TIMES)
     breaks = np.unique([0.0, mechanism.horizon, *(t for signal in compiled.signals for t in signal.breakpoints)])
     times = [*even, *(0.5 * (breaks[:-1] + breaks[1:]))]
     values = np.array([compiled.signal_values(t)[: 3 * len(compiled.signals)] for t in times])

@@ -9,20 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
-from fmd.core.limits.loads import (
-    FIRST_PART,
-    HALVINGS,
-    KINK_HALVINGS,
-    KINK_PART,
-    MOST_KINKS,
-    PIECES_AT_ONCE,
-    QUIET,
-    SHORTER,
-    SMALL_KINK,
-    SMALL_REST,
-    SMOOTH_REST,
-    STOPS,
-)
+from fmd.core.limits import loads as limits
 from fmd.dynamics.signals.bounds import PieceBounds, Series
 from fmd.dynamics.signals.signal import Signal
 
@@ -44,8 +31,8 @@ class Activity:
             lengths[self.unresolved] = np.median(lengths[~self.unresolved])
         found, longest, left = [], lengths[0], 0
         for begin, length in zip(self.times[1:-1], lengths[1:], strict=True):
-            if length * SHORTER <= longest:
-                longest, left = length, STOPS
+            if length * limits.SHORTER <= longest:
+                longest, left = length, limits.STOPS
             longest = max(longest, length)
             if left:
                 found.append(float(begin))
@@ -73,25 +60,27 @@ def find_activity(signal: Signal, end: float, derivative: int = 0) -> Activity:
     fixed = np.array(sorted({0.0, end, *knots, *(t for t in signal.breakpoints if 0.0 < t < end)}))
     kinks = _find_kinks(signal, fixed, derivative)
     fixed = np.array(sorted({*fixed.tolist(), *kinks}))
-    begin, finish, largest, inset = fixed[:-1], fixed[1:], 0.0, (KINK_PART * end if kinks else 0.0)
+    begin, finish, largest, inset = fixed[:-1], fixed[1:], 0.0, (limits.KINK_PART * end if kinks else 0.0)
     kept: list[tuple[Array, Array, Array, BoolArray]] = []
     with np.errstate(all="ignore"):
-        for level in range(HALVINGS + 1):
+        for level in range(limits.HALVINGS + 1):
             margin = np.minimum(inset, 0.25 * (finish - begin))
             bound, rest, size, kinked, largest = _measure(signal, begin + margin, finish - margin, derivative, largest)
-            least = np.where(kinked, SMALL_KINK, SMALL_REST) * largest
-            rough = (bound > QUIET * largest) & (rest > np.maximum(SMOOTH_REST * size, least))
-            rough &= level < HALVINGS  # at a singularity pieces get ever shorter
+            least = np.where(kinked, limits.SMALL_KINK, limits.SMALL_REST) * largest
+            rough = (bound > limits.QUIET * largest) & (rest > np.maximum(limits.SMOOTH_REST * size, least))
+            rough &= level < limits.HALVINGS  # at a singularity pieces get ever shorter
             wanted = rough.copy()
-            if wanted.sum() > PIECES_AT_ONCE:  # the roughest first: a short pulse among fast vibrations
-                wanted[np.argpartition(np.where(rough, -rest, 1.0), PIECES_AT_ONCE)[PIECES_AT_ONCE:]] = False
+            if wanted.sum() > limits.PIECES_AT_ONCE:  # the roughest first: a short pulse among fast vibrations
+                wanted[np.argpartition(np.where(rough, -rest, 1.0), limits.PIECES_AT_ONCE)[limits.PIECES_AT_ONCE :]] = (
+                    False
+                )
             kept.append((begin[~wanted], finish[~wanted], bound[~wanted], rough[~wanted]))
             if not wanted.any():
                 break
             begin, finish = _divide(begin[wanted], finish[wanted])
     starts, ends, bounds, unresolved = (np.concatenate(column) for column in zip(*kept, strict=True))
     order = np.argsort(starts)
-    quiet = bounds[order] <= QUIET * largest
+    quiet = bounds[order] <= limits.QUIET * largest
     first = np.r_[True, ~(quiet[1:] & quiet[:-1])]  # quiet pieces side by side are one
     times = np.r_[starts[order][first], ends[order][-1]]
     return Activity(times, quiet[first], unresolved[order][first], kinks)
@@ -101,21 +90,21 @@ def _find_kinks(signal: Signal, fixed: Array, derivative: int) -> tuple[float, .
     """Find the times just before abs, min or max change their branch; none if there are more than can be followed."""
     begin, finish = fixed[:-1], fixed[1:]
     with np.errstate(all="ignore"):
-        for _ in range(KINK_HALVINGS):
+        for _ in range(limits.KINK_HALVINGS):
             _, rest, _, kinked, _ = _measure(signal, begin, finish, derivative, 0.0)
             followed = kinked & (rest > 0.0)
-            if followed.sum() > MOST_KINKS or not followed.any():
+            if followed.sum() > limits.MOST_KINKS or not followed.any():
                 return ()
             begin, finish = _divide(begin[followed], finish[followed])
         _, rest, _, kinked, _ = _measure(signal, begin, finish, derivative, 0.0)
     times = np.sort(begin[kinked & (rest > 0.0)])
-    apart = np.diff(times, prepend=-math.inf) > KINK_PART * fixed[-1]
+    apart = np.diff(times, prepend=-math.inf) > limits.KINK_PART * fixed[-1]
     return tuple(times[apart & (times > 0.0)].tolist())
 
 
 def _divide(begin: Array, end: Array) -> tuple[Array, Array]:
     """Divide pieces in two."""
-    middle = begin + FIRST_PART * (end - begin)
+    middle = begin + limits.FIRST_PART * (end - begin)
     return np.concatenate([begin, middle]), np.concatenate([middle, end])
 
 

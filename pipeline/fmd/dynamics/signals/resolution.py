@@ -8,21 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.limits.loads import (
-    AROUND,
-    CARRIED,
-    DEPTH,
-    LEAST_AT_START,
-    LEAST_PEAK,
-    MOST_PEAKS,
-    MOST_SAMPLES,
-    MOST_STRETCHES,
-    NARROW,
-    NARROWEST_PEAK,
-    WINDOW_SAMPLES,
-    WINDOW_STEPS,
-    WINDOWS,
-)
+from fmd.core.limits import loads as limits
 from fmd.dynamics.signals.activity import find_activity
 from fmd.dynamics.signals.signal import Signal
 
@@ -51,10 +37,10 @@ def _sample_among_fast(signal: Signal, end: float, step: float, derivative: int)
     """Sample a signal in windows among vibrations that are too fast to be followed all along."""
     activity, windows = find_activity(signal, end, derivative), []
     among = np.flatnonzero(activity.unresolved)
-    for k in among[np.linspace(0, len(among) - 1, min(WINDOWS, len(among))).astype(int)]:
+    for k in among[np.linspace(0, len(among) - 1, min(limits.WINDOWS, len(among))).astype(int)]:
         begin, length = activity.times[k], activity.times[k + 1] - activity.times[k]
-        span = min(WINDOW_STEPS * step, end - begin)
-        n = int(min(MOST_SAMPLES, max(WINDOW_SAMPLES, 64.0 * span / length)))
+        span = min(limits.WINDOW_STEPS * step, end - begin)
+        n = int(min(limits.MOST_SAMPLES, max(limits.WINDOW_SAMPLES, 64.0 * span / length)))
         jitter = np.arange(n) * 0.6180339887498949 % 1.0  # lest samples keep pace with the vibration
         times = begin + span * (np.arange(n) + 0.5 * jitter) / n
         windows.append((times, signal.values(times)[:, derivative]))
@@ -72,8 +58,8 @@ def _sample_resolved(signal: Signal, end: float, derivative: int) -> tuple[tuple
     borders = np.flatnonzero(np.diff(fast)) + 1
     firsts = np.r_[0, borders]
     varies = np.maximum.reduceat(values.max(axis=1), firsts) - np.minimum.reduceat(values.min(axis=1), firsts)
-    kept = np.flatnonzero(~fast[firsts] & ~(varies <= LEAST_PEAK * height))
-    kept = kept[np.argsort(-varies[kept], kind="stable")][:MOST_STRETCHES]
+    kept = np.flatnonzero(~fast[firsts] & ~(varies <= limits.LEAST_PEAK * height))
+    kept = kept[np.argsort(-varies[kept], kind="stable")][: limits.MOST_STRETCHES]
     lasts = np.r_[borders, len(fast)]
     return tuple(
         (times[i:j].ravel(), values[i:j].ravel()) for i, j in zip(firsts[kept], lasts[kept], strict=True)
@@ -85,12 +71,14 @@ def _missed_in(
 ) -> float:
     """Return the width of the narrowest peak or dip of a stretch that steps miss [s]."""
     steepest = float(np.abs(np.diff(values) / np.diff(times)).max(initial=0.0))
-    if steepest * NARROW * step < DEPTH * LEAST_PEAK * height:
+    if steepest * limits.NARROW * step < limits.DEPTH * limits.LEAST_PEAK * height:
         return math.inf  # no peak that counts is narrow
-    narrow = sorted(peak for peak in _find_peaks(times, values, height, AROUND * step) if peak[0] < NARROW * step)
+    narrow = sorted(
+        peak for peak in _find_peaks(times, values, height, limits.AROUND * step) if peak[0] < limits.NARROW * step
+    )
     impulse = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(times))])
-    for width, left, right, level in narrow[:: max(1, len(narrow) // MOST_PEAKS)]:
-        if width < NARROWEST_PEAK * step:
+    for width, left, right, level in narrow[:: max(1, len(narrow) // limits.MOST_PEAKS)]:
+        if width < limits.NARROWEST_PEAK * step:
             return width
         low, high = max(0.0, math.floor(left / step) - 1.0), math.ceil(right / step) + 1.0
         if (times[0] > low * step and low) or (times[-1] < high * step < end):
@@ -102,7 +90,7 @@ def _missed_in(
         whole = np.diff(np.interp([ends[0], ends[-1]], times, impulse))[0]
         own = np.diff(np.interp([left, right], times, impulse))[0] - level * (right - left)
         sampled = lengths @ (0.5 * (at_ends[1:] + at_ends[:-1])), lengths @ at_middles
-        if max(abs(found - whole) for found in sampled) > CARRIED * abs(own):
+        if max(abs(found - whole) for found in sampled) > limits.CARRIED * abs(own):
             return width
     return math.inf
 
@@ -113,7 +101,7 @@ def _find_peaks(times: Array, values: Array, height: float, around: float) -> li
     How high a peak is counts from the higher one of the lowest values before and after it, not further away than
     ``around`` [s]: a blow on the top of a slow wave is as high as it is above that.
     """
-    turns, peaks = _turning_points(values, LEAST_PEAK * height), []
+    turns, peaks = _turning_points(values, limits.LEAST_PEAK * height), []
     for k, turn in enumerate(turns[:-1]):
         sign = 1.0 if values[turn] > values[turns[k + 1]] else -1.0
         first, last = np.searchsorted(times, [times[turn] - around, times[turn] + around])
@@ -122,11 +110,11 @@ def _find_peaks(times: Array, values: Array, height: float, around: float) -> li
         depth = float(np.ptp(values[turn : last + 1]))
         if k:
             depth = min(depth, float(np.ptp(values[first : turn + 1])))
-        elif times[0] > 0.1 * around or depth < LEAST_AT_START * height:
+        elif times[0] > 0.1 * around or depth < limits.LEAST_AT_START * height:
             continue
-        if depth < LEAST_PEAK * height:
+        if depth < limits.LEAST_PEAK * height:
             continue
-        level = values[turn] - sign * DEPTH * depth
+        level = values[turn] - sign * limits.DEPTH * depth
         right = _crossing(times, values, level, range(turn, last + 1))
         left = _crossing(times, values, level, range(turn, first - 1, -1)) if k else times[0]
         width = right - left if k else 2.0 * (right - left)  # at the start it is one half of a peak
