@@ -130,17 +130,34 @@ class Automatic(Integrator):
                 report.add_failure(outcome)
             last = found[-1]
             if agreed and isinstance(last, Trajectory):
-                return replace(
-                    last,
-                    integrator=f"{self.name} ({last.integrator})",
-                    seconds=report.seconds,
-                    evaluations=report.evaluations,
-                    chosen=marches.methods[-1],
-                    error=report.difference,
-                )
+                return self._own(last, marches.methods[-1], report)
         if report.failure and (report.failures > 1 or np.isinf(report.difference)):
             raise report.failure
         raise AccuracyError(f"{self.name}: {self._say_what_differs(system, report)}")
+
+    def _own(self, march: Trajectory, chosen: Integrator, report: Pairs) -> Trajectory:
+        """Return a march that agrees with the one before as this method's own."""
+        return replace(
+            march,
+            integrator=f"{self.name} ({march.integrator})",
+            seconds=report.seconds,
+            evaluations=report.evaluations,
+            chosen=chosen,
+            error=report.difference,
+        )
+
+    def pair_of(self, chosen: CentralDifference) -> tuple[CentralDifference, CentralDifference]:
+        """Return the methods of the two marches that tell the error of one that was chosen, which is the last."""
+        return replace(chosen, step=limits.NEARLY * chosen.step), chosen
+
+    def judge(
+        self, system: System, coarse: Trajectory, fine: Trajectory, chosen: CentralDifference
+    ) -> Trajectory | None:
+        """Return the finer of two marches by `pair_of` as this method's own, or ``None`` if they don't agree."""
+        report = pairs_of(system, self.error)
+        report.seconds = coarse.seconds + fine.seconds
+        agreed = [report.agrees(march, _gain(coarse, system)) for march in (coarse, fine)]
+        return self._own(fine, chosen, report) if agreed[-1] else None
 
     def _say_what_differs(self, system: System, report: Pairs) -> str:
         """Return by how much the last two marches differ, where, since when, and what would be met."""

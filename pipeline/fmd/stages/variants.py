@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,10 @@ from fmd.core.errors import AccuracyError, InputError, StabilityError
 from fmd.core.limits.memory import VALUES_AT_ONCE
 from fmd.dynamics.compiled_system.shared import structure_of
 from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.integrators.automatic import Automatic
+from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.fixed_step import FixedStepIntegrator
+from fmd.integrators.protocol import Trajectory
 from fmd.stability.variants import JoinedPoints, VariantStart, differ_in_numbers, find_points_of_variants
 from fmd.stages.found_together import known_marches, known_points
 from fmd.stages.pipeline import Pipeline
@@ -68,10 +71,10 @@ def _share_growth_by_run(runs: Sequence[Pipeline], number: int) -> None:
 def share_marches(runs: Sequence[Pipeline]) -> None:
     """March many scenes by the methods with fixed steps, for the stage "motion" of each to take.
 
-    Those of one structure, with one method, step and output times, are marched by one call of a kernel. What fails is
-    left to each scene's own stage.
+    Those of one structure, with one method, step and output times, are marched by one call of a kernel. Those by
+    'auto' have one choice in common. What fails is left to each scene's own stage.
     """
-    alike: dict[Hashable, list[tuple[Pipeline, str, Plan]]] = {}
+    alike: dict[Hashable, list[_Run]] = {}
     for run in runs:
         try:
             plans = run.plans
@@ -80,16 +83,55 @@ def share_marches(runs: Sequence[Pipeline]) -> None:
         simulation = run.scene.simulation
         for label, plan in plans.items():
             system, method = plan.marched[0], plan.integrator
-            if _starts_alike(method, system):
+            if differ_in_numbers(system) if isinstance(method, Automatic) else _starts_alike(method, system):
                 key = (structure_of(system), method, simulation.duration, simulation.output_step)
-                alike.setdefault(key, []).append((run, label, plan))
+                alike.setdefault(key, []).append(_Run(run, label, plan))
     for some in alike.values():
-        (run, _, plan), times = some[0], some[0][0].output_times
-        system, method = plan.marched[0], plan.integrator
-        size = len(some) * len(times) * (system.n_positions + system.n)
-        if len(some) == 1 or size > VALUES_AT_ONCE or not isinstance(method, FixedStepIntegrator):
+        (run, _, plan), method = some[0], some[0].plan.integrator
+        size = len(some) * len(run.output_times) * (plan.marched[0].n_positions + plan.marched[0].n)
+        if len(some) == 1 or size > VALUES_AT_ONCE:
             continue
-        states = [np.concatenate([q, v, own.compiled.numbers]) for own, q, v in (plan.marched for _, _, plan in some)]
-        for (run, label, plan), march in zip(some, method.marches(system, np.array(states), times), strict=True):
-            if march is not None:
-                known_marches(run)[label] = plan.spread_out(march)
+        if isinstance(method, Automatic):
+            _share_choice(some, method)
+        elif isinstance(method, FixedStepIntegrator):
+            for own, march in zip(some, _march_together(some, method), strict=True):
+                own.keep(march)
+
+
+class _Run(NamedTuple):
+    """A run of a scene, with its label among the scene's and its plan."""
+
+    run: Pipeline
+    label: str
+    plan: Plan
+
+    def keep(self, march: Trajectory | None) -> None:
+        """Keep a march of what is integrated for the stage "motion" to take, if there is one."""
+        if march is not None:
+            known_marches(self.run)[self.label] = self.plan.spread_out(march)
+
+
+def _march_together(some: Sequence[_Run], method: FixedStepIntegrator) -> list[Trajectory | None]:
+    """March what is integrated of runs of one structure by a method; those that diverge give None."""
+    states = [np.concatenate([q, v, own.compiled.numbers]) for own, q, v in (each.plan.marched for each in some)]
+    return method.marches(some[0].plan.marched[0], np.array(states), some[0].run.output_times)
+
+
+def _share_choice(some: Sequence[_Run], auto: Automatic) -> None:
+    """March runs of one structure by the method and the step that 'auto' takes for the one that vibrates fastest.
+
+    Each has its error by two marches of its own, and makes its own choice where these don't agree.
+    """
+    fastest = max(some, key=lambda each: each.plan.marched[0].highest_frequency)
+    try:
+        march = fastest.plan.march(fastest.run.output_times)
+    except AccuracyError:  # which its own stage meets again
+        return
+    known_marches(fastest.run)[fastest.label] = march
+    others, chosen = [each for each in some if each is not fastest], march.chosen
+    if not isinstance(chosen, CentralDifference):
+        return
+    for own, *pair in zip(others, *(_march_together(others, each) for each in auto.pair_of(chosen)), strict=True):
+        coarse, fine = pair
+        if coarse is not None and fine is not None:
+            own.keep(auto.judge(own.plan.marched[0], coarse, fine, chosen))
