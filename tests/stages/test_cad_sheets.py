@@ -71,9 +71,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_surfaces_that_touch_are_one_sheet_of_quadrilaterals_with_named_faces_and_rims(folder: Path) -> None:
-    mesh = mesh_cad_sheet(folder / "angle.step", 5e-3, 2e-3)
+    mesh = mesh_cad_sheet(folder / "angle.step", 5e-3, 2e-3, by_part={"face-2": 3e-3})
     assert mesh.cell_type == "hexahedron"  # layers of quadrilaterals alone
-    assert mesh.volume == pytest.approx(2e-3 * (0.1 * 0.07 - np.pi * 0.008**2), rel=2e-3)
+    assert mesh.volume == pytest.approx(2e-3 * (0.1 * 0.04 - np.pi * 0.008**2) + 3e-3 * 0.1 * 0.03, rel=2e-3)
     assert {"face-1", "face-2"} <= set(mesh.parts)
     rims = [points for name, points in mesh.faces.items() if name.startswith("edge-")]
     assert len(rims) == 7  # three of each leg and the hole's, not the fold
@@ -149,6 +149,8 @@ def test_solids_second_order_and_sectors_are_refused_as_shells(folder: Path) -> 
         mesh_cad_sheet(folder / "lump.step", 5e-3, 2e-3)
     with pytest.raises(InputError, match=r"gives about \S+ elements; 3e\+06 are the most"):
         mesh_cad_sheet(folder / "plate.step", 1e-6, 2e-3)
+    with pytest.raises(InputError, match=r"mesh\.thickness: is of surfaces; a solid has a midsurface by walls of one"):
+        mesh_cad_sheet(folder / "boss.step", 10e-3, 2e-3, by_part={"face-1": 3e-3})
     for more, message in (
         ("order = 2", "is of solids: shells have four nodes"),
         ("cyclic = 3, cuts = ['a', 'b']", "not of shells"),
@@ -160,6 +162,9 @@ def test_solids_second_order_and_sectors_are_refused_as_shells(folder: Path) -> 
         load_scene(folder / "cad.toml", [cad])
     plies = {"lamina": {"a": {"E1": 9e9, "E2": 9e9, "nu12": 0.3, "G12": 3e9, "rho": 1500.0}}}
     body = {"layers": [{"material": "a", "thickness": "1 mm"}], "modes": {"count": 3}} | plies
+    mesh = {"cad": str(folder / "plate.step"), "size": "5 mm", "shell": "layers", "thickness": {"face-1": "3 mm"}}
+    with pytest.raises(InputError, match="is of parts of shells whose thickness is not by layers"):
+        load_scene({"title": "Plies", "body": {"p": body | {"mesh": mesh}}})
     mesh = {"cad": str(folder / "plate.step"), "size": "5 mm", "shell": "2 mm"}
     with pytest.raises(InputError, match="must be 'layers', which have the thickness of a body with layers"):
         load_scene({"title": "Plies", "body": {"p": body | {"mesh": mesh}}})

@@ -51,6 +51,8 @@ class MeshFile(DividedMesh, SectorMesh):
     # Thickness [m]: the file's triangles and quadrilaterals are shells. ``"deck"`` takes it from the deck's sections,
     # ``"layers"`` from the body's ``layers``. Solids and beams of the file are parts of the body beside them.
     shell: PositiveLength | Literal["deck", "layers"] | None = None
+    # Thickness of single parts of shells [m], by name, where it differs from ``shell``.
+    thickness: dict[PartName, PositiveLength] = Field(default_factory=dict)
     # ``"deck"``: the lines of a deck of Nastran, Abaqus or Ansys are beams, with the deck's sections.
     beam: Literal["deck"] | None = None
     # Faces of solid parts that stay together without common nodes, and nodes of shells and beams that follow a face of
@@ -82,6 +84,8 @@ class CadFile(SectorMesh):
     # Thickness [m]: the file's surfaces are the midsurfaces of shells, or its solid has walls of this thickness.
     # ``"layers"`` takes it from the body's ``layers``.
     shell: PositiveLength | Literal["layers"] | None = None
+    # Thickness of single surfaces [m], by name, where it differs from ``shell``.
+    thickness: dict[PartName, PositiveLength] = Field(default_factory=dict)
     unit: LengthUnit | None = None  # A script's unit of length; m by default.
     # Dimensions [m] that the script has by ``DefineConstant``; others keep the script's values.
     parameter: dict[Name, Length] = Field(default_factory=dict)
@@ -149,6 +153,8 @@ class Imported(Layerable):
             raise FaultError("must be 'layers', which have the thickness of a body with layers", "mesh", "shell")
         if shell == "layers" and not self.layers:
             raise FaultError("takes the thickness of the body's layers, and there are none", "mesh", "shell")
+        if self.mesh.thickness and shell in (None, "layers"):  # type: ignore[attr-defined]
+            raise FaultError("is of parts of shells whose thickness is not by layers", "mesh", "thickness")
         if self.layers and self.material:
             raise FaultError("has no effect beside layers, which have the materials of lamina", "material")
         if self.offset and shell in (None, "deck"):

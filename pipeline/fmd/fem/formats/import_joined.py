@@ -16,7 +16,7 @@ from fmd.fem.connections import Connections, TiedFaces
 from fmd.fem.formats import repair as repairs
 from fmd.fem.formats.import_beam import mesh_beams, take_beams
 from fmd.fem.formats.import_mesh import UNUSABLE, connection_notes, connections_in_si, place_solids, read_sound
-from fmd.fem.formats.import_shell import SHELLS, mesh_shells, take_shells
+from fmd.fem.formats.import_shell import SHELLS, GivenSections, mesh_shells, take_shells
 from fmd.fem.formats.mixed import split_mixed
 from fmd.fem.formats.named_sets import PLANE, corners_of, tie_by_names
 from fmd.fem.formats.raw_mesh import BlockShells, MeshFileError, RawMesh
@@ -30,7 +30,7 @@ _LINES = "line"
 def read_structure(
     path: Path,
     scale: float,
-    shell: tuple[float | None, float] | None,
+    shell: GivenSections | None,
     beams: bool,
     repair: bool = False,
     units: tuple[float | None, float | None] = (None, None),
@@ -38,8 +38,7 @@ def read_structure(
 ) -> AnyMesh:
     """Read shells and beams of a file, beside its solids if it has some, as `read_mesh` does.
 
-    Shells have a thickness, if not by the deck, and an offset [m]; without, nothing is a shell. Units are of mass [kg]
-    and force [N].
+    Without sections nothing is a shell. Units are of mass [kg] and force [N].
 
     Raises
     ------
@@ -56,7 +55,7 @@ def read_structure(
         return mesh_beams(raw, scale, units) if shell is None else mesh_shells(raw, path, scale, shell, units)
 
 
-def _kinds(raw: RawMesh, shell: tuple[float | None, float] | None, beams: bool) -> tuple[list[BoolArray], ...]:
+def _kinds(raw: RawMesh, shell: GivenSections | None, beams: bool) -> tuple[list[BoolArray], ...]:
     """Return which cells of each block are solids, shells and beams.
 
     Triangles and quadrilaterals on facets of solids are shells if the deck has a section for them, and faces if not.
@@ -68,7 +67,7 @@ def _kinds(raw: RawMesh, shell: tuple[float | None, float] | None, beams: bool) 
             shells.append(np.zeros(len(cells), dtype=bool))
             continue
         on = rows_among(three_corners(cells[:, : SHELLS[kind]]), on_solids)
-        by_deck = shell[0] is None and bool(raw.shells)
+        by_deck = shell.thickness is None and bool(raw.shells)
         shells.append(~on | np.isfinite(raw.shells[b].thickness).all(axis=1) if by_deck else ~on)
     lines = [np.full(len(cells), beams and kind == _LINES) for kind, cells in raw.blocks]
     return solids, shells, lines
@@ -101,9 +100,7 @@ class _Joining:
         self._places: list[IntArray] = []  # of each mesh, (n_points,): node of each point of the file, -1 of none
         self._notes: list[str] = []
 
-    def joined(
-        self, shell: tuple[float | None, float] | None, ties: Sequence[tuple[str, str, float | None]]
-    ) -> JoinedMesh:
+    def joined(self, shell: GivenSections | None, ties: Sequence[tuple[str, str, float | None]]) -> JoinedMesh:
         """Return the meshes with all that joins them."""
         raw = self._raw
         solids, shells, lines = self._kinds

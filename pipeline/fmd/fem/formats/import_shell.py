@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,20 +24,26 @@ SHELLS = {"triangle": 3, "quad": 4}
 _NONE = np.empty(0, dtype=np.int64)
 
 
+class GivenSections(NamedTuple):
+    """What a scene says of a file's shells."""
+
+    thickness: float | None = None  # of all [m]; ``None`` for that of the deck's sections
+    offset: float = 0.0  # distance of the middle from the nodes along the normal, beside that of a deck [m]
+    by_part: Mapping[str, float] = MappingProxyType({})  # thickness of single parts, where it differs [m]
+
+
 def read_shell(
     path: Path,
     scale: float,
-    thickness: float | None,
+    given: GivenSections,
     mass_unit: float | None = None,
     force_unit: float | None = None,
-    offset: float = 0.0,
 ) -> SolidMesh:
     """Read the triangles and quadrilaterals of a file as shells.
 
     The suffix gives the format, and ``scale`` is the file's unit of length [m]. Element sets become parts and, with
-    both of their sides, faces; node sets become faces: all of the surface between their nodes. A thickness [m] takes
-    the place of that of the deck's sections, and ``offset`` is the distance of the shells' middle from the nodes along
-    the normal, beside that of a deck [m]. Units of mass [kg] and force [N] are as in `read_mesh`.
+    both of their sides, faces; node sets become faces: all of the surface between their nodes. Units of mass [kg] and
+    force [N] are as in `read_mesh`.
 
     Raises
     ------
@@ -42,19 +51,19 @@ def read_shell(
         The file can't be read, or its mesh can't be used; the message counts what is wrong.
     """
     with as_input_error(str(path), of=UNUSABLE):
-        return mesh_shells(read_sound(path), path, scale, (thickness, offset), (mass_unit, force_unit))
+        return mesh_shells(read_sound(path), path, scale, given, (mass_unit, force_unit))
 
 
 def mesh_shells(
     raw: RawMesh,
     path: Path,
     scale: float,
-    section: tuple[float | None, float],
+    given: GivenSections,
     units: tuple[float | None, float | None],
 ) -> SolidMesh:
-    """Return the mesh of a file that holds shells alone; ``section`` as for `take_shells`, units of mass and force."""
+    """Return the mesh of a file that holds shells alone, by its units of mass and of force."""
     gmsh = path.suffix.lower() == ".msh"  # whose named lines are curves; those of decks are beams
-    found = take_shells(raw, scale, section, _rims(raw) if gmsh else {})
+    found = take_shells(raw, scale, given, _rims(raw) if gmsh else {})
     require_one_piece(
         raw, np.concatenate([cells[:, [0, 1, 2, -1]] for _, cells in raw.blocks if cells.shape[1] > 2]), "shells"
     )
@@ -62,12 +71,11 @@ def mesh_shells(
 
 
 def take_shells(
-    raw: RawMesh, scale: float, section: tuple[float | None, float], rims: dict[str, IntArray]
+    raw: RawMesh, scale: float, sections: GivenSections, rims: dict[str, IntArray]
 ) -> tuple[Sheet, IntArray]:
     """Take the shells of a raw mesh; return their sheet, and the number that each point of the file has there.
 
-    Points of no shell have -1. ``section`` is thickness, if not by the file, and offset beside the file's [m].
-    Faces are, beside the file's, all between the nodes of each of ``rims``.
+    Points of no shell have -1. Faces are, beside the file's, all between the nodes of each of ``rims``.
     """
     count, listed = raw.count_elements(), raw.list_elements()
     if any(map(is_solid, count)):
@@ -97,13 +105,18 @@ def take_shells(
             f"{repeated} shells have a node more than once, as collapsed ones do; write them as triangles"
         )
     used, place = number_used(cells, len(raw.points))
-    t, offset, layup = _sections(raw, of, cells, scale, section[0])
-    if raw.shell_faults and section[0] is not None:
+    t, offset, layup = _sections(raw, of, cells, scale, sections.thickness)
+    if raw.shell_faults and sections.thickness is not None:
         notes.append(f"sections of shells that aren't read: {_listed(raw.shell_faults)}; {THICKNESS_ALONE}")
     sets = {name: _members(chosen, of) for name, chosen in raw.cell_sets.items()}
     sets = {name: own for name, own in sets.items() if len(own)}
     rest = np.setdiff1d(np.arange(len(cells)), np.concatenate([_NONE, *sets.values()]))
     parts = sets | ({"rest" if sets else "all": rest} if len(rest) else {})
+    own_thickness = _own_thickness(sections.by_part, parts)
+    for name in sorted(own_thickness, key=lambda name: -len(parts[name])):  # of parts within parts the smallest counts
+        if layup is not None and (layup.numbers[parts[name]] >= 0).any():
+            raise MeshFileError(f"mesh.thickness of {name}, whose shells have layers by the deck")
+        t[parts[name]] = own_thickness[name]
     raw.point_sets = rims | raw.point_sets
     faces = faces_of_points(raw, place)
     sheet = Sheet(
@@ -117,7 +130,7 @@ def take_shells(
         offset,
         layup,
         notes=tuple(notes),
-        shift=section[1],
+        shift=sections.offset,
     )
     return sheet, place
 
@@ -162,6 +175,14 @@ def _sections(
         return t, offset, None
     stacks = tuple(tuple((name, scale * each, angle) for name, each, angle in plies) for plies in raw.stacks)
     return t, offset, Layup(stacks, stack, direction)
+
+
+def _own_thickness(given: Mapping[str, float], parts: Mapping[str, IntArray]) -> dict[str, float]:
+    """Return thickness [m] by the mesh's names of parts; upper and lower case may differ."""
+    known = {name.casefold(): name for name in parts}
+    if missing := [name for name in given if name.casefold() not in known]:
+        raise MeshFileError(f"mesh.thickness of {missing[0]}, and the parts are {', '.join(parts)}")
+    return {known[name.casefold()]: thickness for name, thickness in given.items()}
 
 
 def _listed(faults: list[str]) -> str:

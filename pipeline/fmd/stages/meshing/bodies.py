@@ -39,6 +39,7 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> AnyMesh:
     if shape.shape == "mesh":
         from fmd.fem.formats.import_joined import read_structure
         from fmd.fem.formats.import_mesh import read_mesh
+        from fmd.fem.formats.import_shell import GivenSections
 
         assert source is not None
         given, unit = shape.mesh, unit_ratio(shape.mesh.unit, "m")
@@ -46,7 +47,8 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> AnyMesh:
         force = None if given.force_unit is None else unit_ratio(given.force_unit, "N")
         ties = [(tie.face, tie.onto, tie.within) for tie in given.tie]
         if given.beam is not None or given.shell is not None:
-            shell = None if given.shell is None else (shape.shell_thickness, shape.offset)
+            sections = GivenSections(shape.shell_thickness, shape.offset, given.thickness)
+            shell = None if given.shell is None else sections
             return read_structure(source.path, unit, shell, given.beam is not None, given.repair, (mass, force), ties)
         return _complete(read_mesh(source.path, unit, given.repair, mass, force, ties), given, source)
     if shape.shape == "cad":
@@ -54,7 +56,7 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> AnyMesh:
         table = shape.mesh
         if table.shell is not None:
             assert shape.shell_thickness is not None  # which decks alone may have
-            return mesh_cad_sheet(source.path, table.size, shape.shell_thickness, shape.offset)
+            return mesh_cad_sheet(source.path, table.size, shape.shell_thickness, shape.offset, table.thickness)
         sector = None if table.cyclic is None or table.cuts is None else (table.cyclic, *table.cuts)
         return _complete(mesh_cad_file(source.path, table.size, table.order, sector, _script(table)), table, source)
     assert not isinstance(shape, MatrixPart | ReducedPart)

@@ -7,9 +7,11 @@ import math
 import re
 import shutil
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import chain, count
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -107,25 +109,32 @@ def mesh_cad_file(
         return replace(solid_mesh(raw, 1.0, repair=True), centres=mesh.centres)
 
 
-def mesh_cad_sheet(path: Path, size: float, thickness: float, offset: float = 0.0) -> SolidMesh:
+def mesh_cad_sheet(
+    path: Path, size: float, thickness: float, offset: float = 0.0, by_part: Mapping[str, float] = MappingProxyType({})
+) -> SolidMesh:
     """Mesh the surfaces of a CAD file, or the midsurface of its solid, as shells of a thickness, all lengths in m.
+
+    Single parts of surfaces may have a thickness of their own.
 
     Raises
     ------
     InputError
         As `mesh_cad_file`, or the solid has no midsurface of this thickness.
     """
-    from fmd.fem.formats.import_shell import read_shell
+    from fmd.fem.formats.import_shell import GivenSections, read_shell
 
     with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
         sheet = Path(folder) / "sheet.msh"
         _run_gmsh(path, sheet, json.dumps({"size": size, "thickness": thickness}))
         try:
-            mesh = read_shell(sheet, 1.0, thickness, offset=offset)
+            mesh = read_shell(sheet, 1.0, GivenSections(thickness, offset, by_part))
         except InputError as error:
             raise InputError(str(path), "", None, error.mend) from error
         if not (about := sheet.with_suffix(".json")).exists():
             return mesh
+        if by_part:
+            what = "is of surfaces; a solid has a midsurface by walls of one thickness, mesh.shell"
+            raise InputError(str(path), "mesh.thickness", None, what)
         solid = json.loads(about.read_text(encoding="utf-8"))
         more = mesh.volume / solid["volume"] - 1
         note = f"the volume of the midsurface with its thickness differs from the solid's by {100 * more:+.2g} %"
