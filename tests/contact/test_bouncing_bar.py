@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from fmd.contact.histories import BEGIN, END, ENERGY, ERROR, IMPULSE
 from fmd.core.errors import StabilityError
@@ -13,6 +15,7 @@ from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.kinematics import Kinematics
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import Trajectory
+from fmd.integrators.runge_kutta import RungeKutta
 from tests.contact.touching_mechanisms import LENGTH, RHO, bouncing_bar
 
 PERIOD = 16 / 3  # it falls for 1 s, is in contact for 2/3 s, and is up again 1 s later: then once more down and up
@@ -75,12 +78,37 @@ def test_the_impulse_is_the_change_of_momentum() -> None:
     np.testing.assert_allclose(momentum, weight + motion.contacts[:, IMPULSE], atol=1e-9 * 266.0)
 
 
-def test_a_march_in_two_parts_is_that_without_a_break() -> None:
+def test_runge_kuttas_impulse_is_that_of_scipy_and_the_change_of_momentum() -> None:
+    """By 20 modes; SciPy's DOP853 with the force ``max(0, -y)/D``, in steps that resolve its kinks."""
+    mechanism = bouncing_bar(20)
+    (body,) = mechanism.contacts
+    omega, end, D = mechanism.links[0].omega, body.points.shapes[0, 0], body.points.G[0, 0, 0, 0]
+
+    def slope(_: float, u: np.ndarray) -> np.ndarray:
+        force = max(0.0, -(u[0] - LENGTH / 2 + end @ u[2:22])) / D
+        return np.concatenate(
+            [[u[1], force / (RHO * LENGTH) - 10.0], u[22:42], end * force - omega**2 * u[2:22], [force]]
+        )
+
+    start, times = np.zeros(43), np.linspace(0.0, 2.0, 41)
+    start[:2] = LENGTH / 2 + FALL, 0.0
+    exact = solve_ivp(slope, (0.0, 2.0), start, "DOP853", rtol=1e-11, atol=1e-12, max_step=0.002).y[-1, -1]
+    motion = RungeKutta(1e-9).march(share_system(mechanism), start[[0, *range(2, 22)]], np.zeros(21), times)
+    impulse = motion.contacts[:, IMPULSE]
+    assert impulse[-1] == pytest.approx(exact, rel=1e-8)
+    np.testing.assert_allclose(RHO * LENGTH * (motion.v[:, 0] + 10.0 * times), impulse, atol=1e-10)
+    assert motion.contacts[-1, BEGIN] == pytest.approx(1.0, abs=1e-6)
+    kinetic, potential = Kinematics(mechanism, times, motion.q, motion.v).energies
+    np.testing.assert_allclose(kinetic + potential + motion.contacts[:, ENERGY], potential[0], rtol=1e-8)
+
+
+@pytest.mark.parametrize("make", [lambda limit: CentralDifference(0.25 * limit), lambda _: RungeKutta(1e-6)])
+def test_a_march_in_two_parts_is_that_without_a_break(make: Callable[[float], CentralDifference | RungeKutta]) -> None:
     mechanism = bouncing_bar(10)
     system = share_system(mechanism)
     q0 = np.zeros(mechanism.n_positions)
     q0[0] = LENGTH / 2 + FALL
-    method, times = CentralDifference(0.25 * system.largest_step), np.linspace(0.0, 2.0, 41)
+    method, times = make(system.largest_step), np.linspace(0.0, 2.0, 41)
     whole = method.march(system, q0, np.zeros(mechanism.n), times)
     first = method.march(system, q0, np.zeros(mechanism.n), times[times < 1.3])
     rest = method.resume(system, first.end, times)

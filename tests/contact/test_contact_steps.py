@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.accuracy.contact_errors import contact_errors
 from fmd.core.errors import ConvergenceError, InputError
 from fmd.core.limits.contact import CHOSEN_STEP
+from fmd.core.limits.errors import SAFETY
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.output.contacts import contact_warnings
 from fmd.output.summary import summarise
@@ -81,13 +83,46 @@ def test_auto_halves_explicit_steps_of_rigid_surfaces_and_warns_where_that_is_no
     )
 
 
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
+def test_runge_kutta_states_the_errors_of_a_shock_by_its_tolerance(tolerance: float) -> None:
+    """A ball's impulse is twice its momentum, its largest force Hertz's; a block's are those by a tight tolerance."""
+    joint = {"free": free("ball.centre", [0, 0, RADIUS + 1e-6], [0, 0, -SPEED])}
+    floor = {"between": ["ground", "ball.skin"], "normal": [0, 0, 1]}
+    stiff = STIFF * np.sqrt(RADIUS)
+    force = 4.0 / 3.0 * stiff * (15.0 / 16.0 * MASS * SPEED**2 / stiff) ** 0.6
+    rigid, block = scene({"ball": BALL}, joint, {"floor": floor}, 3e-4), with_tolerance(BLOCK, 1e-8, *NEAR).motion
+    own = block.contacts["floor"]
+    cases = [(rigid, (), 2.0 * MASS * SPEED, force), (BLOCK, NEAR, own.impulse[-1, 1], own.largest[0])]
+    for of, overrides, impulse, largest in cases:
+        run = with_tolerance(of, tolerance, *overrides)
+        found, errors = run.motion.contacts["floor"], contact_errors(run)["floor"]
+        for key, value, exact in (
+            ("impulse_n_s", float(np.linalg.norm(found.impulse[-1])), impulse),
+            ("largest_force_n", found.largest[0], largest),
+        ):
+            part = errors[key].parts["step"]
+            assert abs(value - exact) < 3.0 * SAFETY * part < 0.1 * exact
+
+
+def with_tolerance(scene: dict[str, Any], tolerance: float, *overrides: str) -> Pipeline:
+    runs = {"run": [{"integrator": "runge-kutta", "tolerance": tolerance}]}
+    return Pipeline(load_scene(scene | {"simulation": scene["simulation"] | runs}, overrides))
+
+
+def test_runge_kutta_takes_no_contact_with_a_memory() -> None:
+    floor = BLOCK["contact"]["floor"] | {"friction": 0.1}
+    told = r"takes no contact with friction, damping or restitution, as of contact\.floor; central-difference, sub-cyc"
+    with pytest.raises(InputError, match=told):
+        with_tolerance(BLOCK | {"contact": {"floor": floor}}, 1e-6)
+
+
 def test_auto_is_the_only_run_of_a_scene_with_contacts_and_other_steered_methods_are_refused() -> None:
     runs = [{"integrator": "auto"}, {"integrator": "central-difference"}]
     with pytest.raises(InputError, match=r"'auto': is a scene's only run with contacts; central-difference, "):
         load_scene(BLOCK | {"simulation": BLOCK["simulation"] | {"run": runs}})
     told = (
         r"simulation\.run\.0\.integrator = 'Radau': takes no contact; 'auto' does, and central-difference, "
-        r"sub-cycling and generalized-alpha do, with simulation\.step = 'auto' or yours"
+        r"sub-cycling, runge-kutta and generalized-alpha do"
     )
     with pytest.raises(InputError, match=told):
         load_scene(BLOCK | {"simulation": BLOCK["simulation"] | {"run": [{"integrator": "Radau"}]}})

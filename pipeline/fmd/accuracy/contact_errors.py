@@ -17,7 +17,7 @@ from fmd.accuracy.coarse_mesh import NO_COARSER_MESH
 from fmd.accuracy.error_estimates import NO_PART, Quantity, refinement_gain
 from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
 from fmd.core.errors import AccuracyError, StabilityError
-from fmd.core.limits.contact import CHOSEN_STEP, FEWER_POINTS, LARGEST_STEP, MORE_MODES
+from fmd.core.limits.contact import CHOSEN_STEP, FEWER_POINTS, LARGEST_STEP, LOOSER, MORE_MODES
 from fmd.core.limits.errors import SAFETY
 from fmd.scene.variants import change_modes, coarsen_meshes, compare_element_sizes
 from fmd.stages.runs import plan_like
@@ -112,21 +112,27 @@ def step_differences(run: Pipeline) -> Differences:
     that, one with half the step by 1 − 2^-p of it. The order is 2, and 1 of the largest values, which the steps just
     meet, with friction, whose slip is counted by steps, with damping, and of wear. Times are known to a step,
     slips to the longest in one, areas to a point, heat and wear to their part of the energy that steps make or lose.
+    Steps by a tolerance are compared with those by `LOOSER` times it, errors taken to fall as its root at least.
     """
     plan = next(iter(run.plans.values()))
     method: Any = plan.integrator
-    longer = 2.0 * method.step <= LARGEST_STEP * min(method.largest_step(plan.system), plan.system.largest_step)
-    step, ratio = run.motion.trajectory.step, 2.0 if longer else 0.5
-    other = replace(plan, integrator=replace(method, step=method.step * ratio))
+    step, ratio = run.motion.trajectory.step, math.sqrt(LOOSER)
+    if method.step:
+        longer = 2.0 * method.step <= LARGEST_STEP * min(method.largest_step(plan.system), plan.system.largest_step)
+        ratio = 2.0 if longer else 0.5
+        other = replace(plan, integrator=replace(method, step=method.step * ratio))
+    else:
+        step = min(step, CHOSEN_STEP * plan.system.largest_step)  # contacts are looked at as often
+        other = replace(plan, integrator=replace(method, tolerance=min(0.5, LOOSER * method.tolerance)))
     try:
         march = other.march(run.output_times)
-        if march.step == step:  # it has been halved where Newton's iteration failed
+        if method.step and march.step == step:  # it has been halved where Newton's iteration failed
             ratio, other = 0.5, replace(plan, integrator=replace(method, step=0.5 * step))
             march = other.march(run.output_times)
         histories = run.motion_by(other, march).contacts
     except (StabilityError, AccuracyError) as error:
-        return _all(run, f"the march with {'twice' if ratio > 1.0 else 'half'} the step failed: {error}")
-    order = 1.0 if any(body.is_lossy for body in plan.mechanism.contacts) else 2.0
+        return _all(run, f"the march with {'longer' if ratio > 1.0 else 'half the'} steps failed: {error}")
+    order = 1.0 if not method.step or any(body.is_lossy for body in plan.mechanism.contacts) else 2.0
 
     def share(key: str) -> float:
         return float(1.0 / abs(ratio ** (1.0 if key in (*_HISTORIES, *_WEAR) else order) - 1.0))
@@ -180,8 +186,9 @@ def _compare(run: Pipeline, source: str, limit: TimeLimit) -> Differences:
             return _all(run, f"not estimated: the {other_by} are as fine")
         plan = plan_like(next(iter(run.plans.values())), other)
         method: Any = plan.integrator
-        longest = min(method.largest_step(plan.system), plan.system.largest_step)
-        plan = replace(plan, integrator=replace(method, step=min(method.step, CHOSEN_STEP * longest)))
+        if method.step:
+            longest = min(method.largest_step(plan.system), plan.system.largest_step)
+            plan = replace(plan, integrator=replace(method, step=min(method.step, CHOSEN_STEP * longest)))
         histories = other.motion_by(plan, plan.march(run.output_times, limit.watch())).contacts
     except LeftOutError as left:
         return _all(run, str(left))

@@ -87,6 +87,22 @@ def _add_values(c: ContactTable, i: int, origins: Array, rotations: Array) -> No
 
 
 @inner
+def copy_forces(c: ContactTable, forces: Array) -> None:
+    """Fill the forces of contacts at the state that `evaluate_contacts` has seen, three each."""
+    for k in range(c.now.shape[0]):
+        for a in range(3):
+            forces[3 * k + a] = c.now[k, FORCE + a]
+
+
+@inner
+def replace_impulses(c: ContactTable, impulses: Array) -> None:
+    """Put impulses, three to a contact, in the place of those that were summed up."""
+    for k in range(c.now.shape[0]):
+        for a in range(3):
+            c.sums[k, IMPULSE + a] = impulses[3 * k + a]
+
+
+@inner
 def note_values(c: ContactTable, values: Array) -> None:
     """Write what `fmd.contact.recorded.ContactRecord` reads, of the state that `evaluate_contacts` has seen.
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fmd.contact.histories import IMPULSE
 from fmd.core.arrays import Array, IntArray
 from fmd.kernels.table import Table
 
@@ -194,6 +195,11 @@ class ContactTable(Table):
                 "shorter step, helps"
             )
         return "their iterations don't settle; a shorter step or less friction helps" if self.clock[1] else ""
+
+    @property
+    def impulses(self) -> Array:
+        """Impulses of contacts since the start, three each, shape (3 n_contacts,) [N s]."""
+        return self.sums[:, IMPULSE : IMPULSE + 3].ravel()
 
     def deepest(self, contact: int) -> float:
         """Return how deep points of a contact are at the last state, beyond an interference that is wanted [m]."""

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from functools import singledispatch
 from typing import Any, Protocol
 
+import numpy as np
+
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import COST_OF_COORDINATE
@@ -67,6 +69,18 @@ def note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
 @singledispatch
 def remember_contacts(p: Any, t: float, q: Array, v: Array) -> None:
     """Let a mechanism's contacts remember the end of a step, from which friction and damping go on."""
+    raise NotImplementedError
+
+
+@singledispatch
+def contact_forces(p: Any, forces: Array) -> None:
+    """Fill the forces of contacts, three each, at the state whose accelerations were evaluated last."""
+    raise NotImplementedError
+
+
+@singledispatch
+def set_impulses(p: Any, impulses: Array) -> None:
+    """Let contacts remember impulses, three each, at the end of the last step."""
     raise NotImplementedError
 
 
@@ -166,6 +180,16 @@ class PlainSystem(Protocol):
     def n_contact_values(self) -> int:
         """How many values `note_contacts` fills; 0 if nothing touches."""
         return 0
+
+    @property
+    def n_contacts(self) -> int:
+        """Number of contacts."""
+        return 0
+
+    @property
+    def answers_to_contact(self: Any) -> Array:
+        """Largest acceleration of each rate by a unit force on a point of a contact, (n,); none without contacts."""
+        return np.zeros(0)
 
     @property
     def settles(self: Any) -> bool:

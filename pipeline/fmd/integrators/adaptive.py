@@ -11,14 +11,15 @@ from __future__ import annotations
 import math
 import time
 from abc import abstractmethod
-from dataclasses import dataclass, replace
-from functools import singledispatch
+from contextlib import nullcontext
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
+from fmd.core.limits.contact import CHOSEN_STEP, MOST_CUTS
 from fmd.core.limits.stepping import (
     ADAPTIVE_WINDOW,
     CHUNK,
@@ -26,7 +27,6 @@ from fmd.core.limits.stepping import (
     CRAWL,
     FIRST_CHUNK,
     FORGIVEN,
-    HARDLY_MOVING,
     LONG_SECONDS,
     MOST_ADAPTIVE_STEPS,
     SHORT_STEP,
@@ -34,10 +34,29 @@ from fmd.core.limits.stepping import (
     SPARE_STEPS,
     TIME_JITTER,
 )
+from fmd.core.threads import one_thread
 from fmd.dynamics.compiled_system.sampling import Sampling
-from fmd.dynamics.step_bounds import StepBounds, allowed_part, predicted_part, record_step_start
-from fmd.dynamics.system import System, advance, project
+from fmd.dynamics.step_bounds import allowed_part, predicted_part, record_step_start
+from fmd.dynamics.system import System, is_pressed
+from fmd.integrators.adaptive_march import (
+    AdaptiveMarch,
+    begin_step,
+    end_step,
+    prepare_samples,
+    sample_step,
+    set_state,
+    try_step,
+)
 from fmd.integrators.endless import StepsLeft
+from fmd.integrators.looks import (
+    begin_contacts,
+    begin_impulses,
+    count_looks,
+    look_at_contacts,
+    note_sample,
+    remember_end,
+    time_of_change,
+)
 from fmd.integrators.protocol import (
     Progress,
     ResumableIntegrator,
@@ -60,98 +79,10 @@ from fmd.integrators.step_control import (
     step_factor,
     step_within,
 )
-from fmd.kernels.kernel import inner, kernel
+from fmd.kernels.kernel import kernel
 from fmd.kernels.table import Table, aligned
 
 _JITTER = TIME_JITTER * np.finfo(float).eps
-
-
-@inner
-def set_trial(s: AdaptiveMarch) -> None:
-    """Set ``s.trial`` to the largest values with the trial step's end.
-
-    A group that hardly moves counts for a small part of the largest of its kind: else a far link's first nanometres
-    would have to be as exact, beside themselves, as the motion of those that drive it.
-    """
-    for k in range(s.largest.size):
-        s.trial[k] = s.largest[k]
-    keep_largest(s.groups, s.trial, s.new)
-    for k in range(s.most.size):
-        s.most[k] = 0.0
-    for k in range(s.kinds.size):
-        s.most[s.kinds[k]] = max(s.most[s.kinds[k]], s.trial[k])
-    for k in range(s.kinds.size):
-        s.trial[k] = max(s.trial[k], HARDLY_MOVING * s.most[s.kinds[k]])
-
-
-@dataclass(frozen=True)
-class AdaptiveMarch(Table):
-    """State of a march whose step follows the error, the step that is tried, and the output."""
-
-    tolerance: float  # of each step, relative to the largest value of a coordinate's group
-    order: int  # of the step's error
-    longest: float  # step [s] beyond which none grows, unless nothing moves
-    settles: bool  # true if states settle after each step: loops close, or quaternions become unit ones
-    q: Array  # positions, rates and accelerations
-    v: Array
-    a: Array
-    clock: Array  # (2,): present time, and the step to try next [s]
-    groups: IntArray  # (n_positions + n,): group of each position and rate
-    # (n_groups,) and (n_kinds,): kind of each group, and room for the largest value of each kind; empty where each kind
-    # has one group
-    kinds: IntArray
-    most: Array
-    # (n_groups,): accelerations that balance at the march's start, as `balance_of_groups` has them, or that constraints
-    # have held of groups that haven't moved
-    balance: Array
-    # Largest values of the groups so far, with numbers of the method's own behind, and with the trial step's end.
-    largest: Array
-    trial: Array
-    begin: Array  # (n_positions + n,): positions and rates at a step's begin, at its end, and at an output time
-    new: Array
-    out: Array
-    times: Array  # output times [s], and positions and rates there
-    sample_q: Array
-    sample_v: Array
-    cursor: IntArray  # (1,): how many output times are passed
-    evaluations: Array  # (1,): how often the whole system was solved
-    # (1,): 1 where the accelerations ``a`` are not those of the present state: loads jump there, none are known yet, or
-    # the state has settled since
-    fresh: Array
-    # (1,): how many more of the smallest steps may be taken before the next breakpoint although their error is too
-    # large: where a load's rate is infinite, it is always the same part of what has moved since rest
-    spare: Array
-    bounds: StepBounds  # of a step by force laws with short pieces
-
-
-@singledispatch
-def begin_step(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
-    """Prepare a step from ``s.begin`` at time t [s], of which h is the first trial."""
-    raise NotImplementedError
-
-
-@singledispatch
-def try_step(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float, reached: float) -> float:
-    """Take a trial step into ``s.new``; return its error over the largest values, NaN if the step is no good."""
-    raise NotImplementedError
-
-
-@singledispatch
-def prepare_samples(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
-    """Prepare what `sample_step` needs of an accepted step."""
-    raise NotImplementedError
-
-
-@singledispatch
-def sample_step(m: Any, p: Any, s: AdaptiveMarch, ahead: float, h: float) -> None:
-    """Evaluate positions and rates a time ``ahead`` [s] after the step's begin, into ``s.out``."""
-    raise NotImplementedError
-
-
-@singledispatch
-def end_step(m: Any, p: Any, s: AdaptiveMarch) -> None:
-    """Keep accelerations, and numbers of the method's own, of an accepted step."""
-    raise NotImplementedError
 
 
 @kernel
@@ -163,6 +94,7 @@ def march_steps(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> 
         if cursor[0] >= times.size or clock[0] >= stop:
             return done
         t = clock[0]
+        begin_impulses(s)
         for i in range(n_positions):
             s.begin[i] = s.q[i]
         for i in range(n):
@@ -171,9 +103,15 @@ def march_steps(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> 
         h = step_within(max(clock[1] * predicted_part(s.bounds, clock[1]), smallest), stop - t)
         planned, reached = h >= clock[1], t
         begin_step(m, p, s, t, h)
+        pressed, cuts = is_pressed(p, t, s.q, s.v), 0
         while True:
             reached = stop if h == stop - t else t + h
             size = try_step(m, p, s, t, h, reached)
+            if cuts < MOST_CUTS and math.isfinite(size):
+                change = time_of_change(m, p, s, t, h, pressed)
+                if change < h:
+                    h, planned, cuts = change, False, cuts + 1
+                    continue
             factor = step_factor(size, s.tolerance, s.order)
             if size <= s.tolerance or (h < short and size * h <= _JITTER * t):
                 part = allowed_part(s.bounds, just_before(reached), h, s.new[:n_positions], s.new[n_positions:])
@@ -193,35 +131,30 @@ def march_steps(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> 
             h = max(h * min(factor, 0.9), smallest)
         if s.settles:
             note_balance(p, s.groups, n_positions, s.largest, s.balance)
-        if cursor[0] < times.size and times[cursor[0]] <= reached:
+        n_looks = count_looks(p, s, reached, h, pressed)
+        if n_looks > 1 or (cursor[0] < times.size and times[cursor[0]] <= reached):
             prepare_samples(m, p, s, t, h)
+        look = 1
         while cursor[0] < times.size and times[cursor[0]] <= reached:
             k = cursor[0]
+            look = look_at_contacts(m, p, s, t, h, look, n_looks, times[k])
             if times[k] < reached:
                 sample_step(m, p, s, times[k] - t, h)
-            for i in range(n_positions + n):  # at the end the state itself, which a polynomial meets but for round-off
+            for i in range(s.out.size):  # at the end the state itself, which a polynomial meets but for round-off
                 s.out[i] = s.out[i] if times[k] < reached else s.new[i]
-            _set_state(p, times[k], s.out, s.sample_q[k], s.sample_v[k])
+            set_state(p, times[k], s.out, s.sample_q[k], s.sample_v[k])
+            note_sample(p, s, k)
             cursor[0] += 1
-        _set_state(p, reached, s.new, s.q, s.v)
+        look_at_contacts(m, p, s, t, h, look, n_looks, reached)
+        set_state(p, reached, s.new, s.q, s.v)
+        remember_end(p, s, reached, h)
         clock[0] = reached
         if planned:  # else a breakpoint cut the step short
             clock[1] = min(h * factor, s.longest) if size > 0.0 else h * factor
         keep_largest(s.groups, s.largest, s.new)
         end_step(m, p, s)
-        s.fresh[0] = 1.0 if s.settles else 0.0
+        s.fresh[0] = 1.0 if s.settles or s.apart > 0.0 else 0.0
     return n_steps
-
-
-@inner
-def _set_state(p: Any, t: float, both: Array, q: Array, v: Array) -> None:
-    """Set positions, whose quaternions become unit ones, and rates; loops close."""
-    for i in range(q.size):
-        q[i] = both[i]
-    for i in range(v.size):
-        v[i] = both[q.size + i]
-    advance(p, q, v, 0.0, 0, v.size)
-    project(p, t, q, v)
 
 
 def begin_sampling(system: Any, start: State) -> Sampling | None:
@@ -244,7 +177,7 @@ def begin_steps(system: System, p: Any, march: AdaptiveMarch, sampling: Sampling
     stop = next((point for point in breakpoints if point > now), math.inf)
     if now in breakpoints:
         march.spare[0] = SPARE_STEPS
-    march.fresh[0] = march.settles or now == 0.0 or now in breakpoints
+    march.fresh[0] = march.settles or march.apart > 0.0 or now == 0.0 or now in breakpoints
     if sampling is None:
         return stop
     if now >= sampling.next:
@@ -311,21 +244,31 @@ class AdaptiveIntegrator(ResumableIntegrator):
         """
         require_times(times)
         state = start.copy()
-        march = self.begin(system, state, times)
+        march, touching = self.begin(system, state, times), None
         clock, cursor, q, v = march.clock, march.cursor, march.sample_q, march.sample_v
         first, end, seconds = int(cursor[0]), float(times[-1]), 0.0
         m, p, chunk = self.room(system), system.parameters, FIRST_CHUNK
         sampling, unreported = begin_sampling(system, state), 0.0
+        if system.n_contact_values:
+            touching = p.contact
+            own = march.balance.size + march.largest.size
+            if state.memory.size > own:
+                touching.recall(state.memory[own:])
+            begin_contacts(p, march)
+            march.new[march.q.size + march.v.size :] = touching.impulses
         left = StepsLeft(self.name, end, MOST_ADAPTIVE_STEPS, ADAPTIVE_WINDOW, state.step, state.time)
         march_steps(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
         while cursor[0] < times.size:
             stop = begin_steps(system, p, march, sampling)
             tick = time.perf_counter()
-            done = int(march_steps(m, p, march, stop, chunk))
+            with nullcontext() if touching is None else one_thread():
+                done = int(march_steps(m, p, march, stop, chunk))
             spent = time.perf_counter() - tick
             seconds, unreported = seconds + spent, unreported + spent
             chunk = max(1, min(CHUNK, int(chunk * CHUNK_SECONDS / max(spent, 1e-9))))
             state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))
+            if done < 0 and touching is not None and touching.lost:
+                raise StabilityError(f"no forces of contact were found at t = {state.time:.6g} s: {touching.lost}")
             require_steps(self.name, march, done)
             if spent > LONG_SECONDS and clock[1] * system.highest_frequency < CRAWL:
                 system.explain_failure(
@@ -342,11 +285,15 @@ class AdaptiveIntegrator(ResumableIntegrator):
         n_steps = state.step - start.step
         mean = (state.time - start.time) / n_steps if n_steps else 0.0
         held = None if sampling is None else sampling.record
-        return Trajectory(self.name, mean, 1, times, q, v, int(march.evaluations[0]), 0, seconds, state, held=held)
+        if touching is not None:
+            state = replace(state, memory=np.concatenate([march.balance, march.largest, touching.memory]))
+        found = Trajectory(self.name, mean, 1, times, q, v, int(march.evaluations[0]), 0, seconds, state, held=held)
+        return replace(found, contacts=march.contacts)
 
     def begin(self, system: System, state: State, times: Array) -> AdaptiveMarch:
         """Return a march from a state, into whose arrays it writes."""
         groups, (kinds, n_kinds) = groups_of(system), kinds_of(system)
+        groups = np.concatenate([groups, np.full(3 * system.n_contacts, -1)])
         n_groups = int(groups.max(initial=-1)) + 1
         trial, begin, new, out = aligned(n_groups + self.n_own, *3 * [groups.size])
         return AdaptiveMarch(
@@ -362,7 +309,7 @@ class AdaptiveIntegrator(ResumableIntegrator):
             kinds=kinds,
             most=np.zeros(n_kinds),
             balance=state.memory[:n_groups],
-            largest=state.memory[n_groups:],
+            largest=state.memory[n_groups : 2 * n_groups + self.n_own],
             trial=trial,
             begin=begin,
             new=new,
@@ -375,4 +322,9 @@ class AdaptiveIntegrator(ResumableIntegrator):
             fresh=np.zeros(1),
             spare=np.full(1, SPARE_STEPS),
             bounds=system.step_bounds,
+            apart=CHOSEN_STEP * system.largest_step if system.n_contact_values else 0.0,
+            contacts=np.full((times.size, system.n_contact_values), np.nan),
+            answers=system.answers_to_contact,
+            q_within=np.zeros(state.q.size),
+            v_within=np.zeros(state.v.size),
         )

@@ -18,11 +18,14 @@ from fmd.dynamics.system import (
     System,
     accelerations,
     advance,
+    contact_forces,
+    is_pressed,
     note_contacts,
     note_held,
     project,
     project_onto_constraints,
     remember_contacts,
+    set_impulses,
     velocities,
 )
 from fmd.kernels.kernel import kernel
@@ -343,3 +346,15 @@ def _remember_contacts(p: Any, t: float, q: Array, v: Array) -> None:
 @note_contacts.register(Table)
 def _note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
     """Note nothing, likewise."""
+
+
+@contact_forces.register(Table)
+@set_impulses.register(Table)
+def _pass_over_contacts(p: Any, values: Array) -> None:
+    """Leave values as they are, likewise."""
+
+
+@is_pressed.register(Table)
+def _is_never_pressed(p: Any, t: float, q: Array, v: Array) -> bool:
+    """Return false, likewise."""
+    return False

@@ -23,8 +23,8 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.stepping import MOST_HALVED_STEPS, RATE_ROUND_OFF, ROSENBROCK_NUDGE, TICKS
 from fmd.dynamics.system import System, accelerations, velocities
-from fmd.integrators.adaptive import (
-    AdaptiveIntegrator,
+from fmd.integrators.adaptive import AdaptiveIntegrator
+from fmd.integrators.adaptive_march import (
     AdaptiveMarch,
     begin_step,
     end_step,

@@ -16,10 +16,10 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.stepping import DERIVED, LEAST_DERIVED
-from fmd.dynamics.system import System, accelerations, velocities
+from fmd.dynamics.system import System, accelerations, contact_forces, velocities
 from fmd.integrators import dop853
-from fmd.integrators.adaptive import (
-    AdaptiveIntegrator,
+from fmd.integrators.adaptive import AdaptiveIntegrator
+from fmd.integrators.adaptive_march import (
     AdaptiveMarch,
     begin_step,
     end_step,
@@ -47,7 +47,7 @@ class _RungeKuttaSteps(Table):
     weight: Array  # (22, 16): their weights, and 0
     length: IntArray  # (22,): how many they are, rounded up to four
     latest: Array  # (22,): weight of the slope just before
-    K: Array  # (16, n_positions + n): slopes at the stages
+    K: Array  # (16, n_positions + n + 3 n_contacts): slopes at the stages
     dense: Array  # (7, n_positions + n)
     error: Array  # (n_positions + n,): room for an error, and zeros
     none: Array
@@ -67,7 +67,7 @@ def _coefficients() -> tuple[Array, IntArray, Array, IntArray, Array]:
 
 @lru_cache(maxsize=16)
 def _steps(n_all: int) -> _RungeKuttaSteps:
-    """Return a table for so many positions and rates, to be renewed for each march."""
+    """Return a table for so many positions, rates and impulses, to be renewed for each march."""
     return _RungeKuttaSteps(*_coefficients(), np.zeros((16, n_all)), np.zeros((7, n_all)), *np.zeros((2, n_all)))
 
 
@@ -103,11 +103,13 @@ class RungeKutta(AdaptiveIntegrator):
 
     def longest_step(self, system: System) -> float:
         """Return the step with so many radians of the highest frequency as ``reach`` says [s]."""
+        if system.n_contact_values:
+            return 0.5 * self.reach * system.largest_step  # with all points closed
         return self.reach / max(system.highest_frequency, 1e-150) if system.n else math.inf
 
     def room(self, system: System) -> _RungeKuttaSteps:
         """Return the coefficients and room for a step of a system."""
-        return _steps(system.n_positions + system.n).renewed()
+        return _steps(system.n_positions + system.n + 3 * system.n_contacts).renewed()
 
 
 @inner
@@ -117,24 +119,25 @@ def _add_slopes(m: _RungeKuttaSteps, row: int, h: float, base: Array, out: Array
 
 
 @inlined
-def _slope(m: _RungeKuttaSteps, p: Any, k: int, t: float, u: Array, n_positions: int) -> None:
-    """Evaluate slope number k at a time t and positions and rates u."""
-    velocities(p, u[:n_positions], u[n_positions:], m.K[k, :n_positions])
-    accelerations(p, t, u[:n_positions], u[n_positions:], m.K[k, n_positions:])
+def _slope(m: _RungeKuttaSteps, p: Any, k: int, t: float, u: Array, n_positions: int, both: int) -> None:
+    """Evaluate slope number k at a time t and ``both`` positions and rates u, and those of contacts' impulses."""
+    velocities(p, u[:n_positions], u[n_positions:both], m.K[k, :n_positions])
+    accelerations(p, t, u[:n_positions], u[n_positions:both], m.K[k, n_positions:both])
+    contact_forces(p, m.K[k, both:])
 
 
 @inner
 def _stage(m: _RungeKuttaSteps, p: Any, k: int, t: float, h: float, s: AdaptiveMarch, u: Array) -> None:
     """Evaluate slope number k of a step, at ``t + C_k h``; u is the stage's state."""
     _add_slopes(m, k, h, s.begin, u)
-    _slope(m, p, k, just_before(t + h) if m.C[k] == 1.0 else t + m.C[k] * h, u, s.q.size)
+    _slope(m, p, k, just_before(t + h) if m.C[k] == 1.0 else t + m.C[k] * h, u, s.q.size, s.q.size + s.v.size)
 
 
 @begin_step.register(_RungeKuttaSteps)
 def _begin_step(m: _RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
     """Evaluate the first slope; unless loads jump here, the last one of the step before has its accelerations."""
     if s.fresh[0] != 0.0:
-        _slope(m, p, 0, just_after(t), s.begin, s.q.size)
+        _slope(m, p, 0, just_after(t), s.begin, s.q.size, s.q.size + s.v.size)
         s.evaluations[0] += 1
         return
     velocities(p, s.q, s.v, m.K[0, : s.q.size])

@@ -70,6 +70,12 @@ def balance_of_groups(groups: IntArray, n_positions: int, sizes: Array) -> Array
 def note_balance(p: Any, groups: IntArray, n_positions: int, largest: Array, balance: Array) -> None:
     """Raise the balance of groups that rest to what constraints held of the accelerations that were evaluated last."""
     note_held(p, groups[n_positions:], largest, balance)
+    share_balance(groups, n_positions, balance)
+
+
+@inner
+def share_balance(groups: IntArray, n_positions: int, balance: Array) -> None:
+    """Raise the balance of groups of positions to those of the rates that move them."""
     n_moved = 0
     for i in range(n_positions):
         n_moved = max(n_moved, groups[i] + 1)

@@ -72,6 +72,11 @@ class Contact(SceneTable):
             raise FaultError("is for planes of the ground; 'mesh' works between bodies", "near_field")
 
     @property
+    def has_memory(self) -> bool:
+        """True if its forces follow from more than positions."""
+        return self.friction > 0.0 or self.damping > 0.0 or self.restitution < 1.0
+
+    @property
     def on_ground(self) -> bool:
         """True if a plane of the ground is touched."""
         return any(end.partition(".")[0] == "ground" for end in self.between)

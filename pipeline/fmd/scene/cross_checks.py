@@ -21,8 +21,7 @@ from fmd.scene.outputs import CONTACT_QUANTITIES, JOINT_QUANTITIES, MECHANISM_FO
 from fmd.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
 from fmd.scene.reading import FaultError, UnknownNameError, suggest_name
 from fmd.scene.rigid_bodies import Undeformable
-from fmd.scene.run_faults import check_runs
-from fmd.scene.runs import name_methods
+from fmd.scene.run_faults import check_contact_runs, check_runs
 from fmd.scene.scene_tables import SceneTables, leads_round
 from fmd.scene.state_loads import OWN, FormulaVariables, LoadOverTime
 from fmd.scene.stress_outputs import ContactPressure
@@ -173,23 +172,6 @@ class CrossCheck:
             fault = f"can't be in a scene with a sampled controller, {self.scene.sampled[0]}"
             yield FaultError(fault, "contact", next(iter(self.scene.contact)))
 
-    def _check_contact_runs(self) -> Iterator[FaultError]:
-        """Contact is for methods that tell it when a step ends, from a start at which nothing is pressed."""
-        simulation = self.scene.simulation_table
-        assert simulation is not None
-        for number, run in enumerate(simulation.run):
-            if self.scene.refines_contacts and len(simulation.run) > 1:
-                fault = f"is a scene's only run with contacts; {name_methods('takes_contact')} stand beside others"
-                yield FaultError(fault, "simulation", "run", 0, "integrator")
-            if not (run.takes_contact or self.scene.refines_contacts):
-                mend = f"{name_methods('takes_contact')} do, with simulation.step = 'auto' or yours"
-                fault = f"takes no contact; 'auto' does, and {mend}"
-                yield FaultError(fault, "simulation", "run", number, "integrator")
-        if getattr(self.scene, "accuracy", None) is not None:
-            yield FaultError("can't be required of a scene with contacts: no error budget states theirs", "accuracy")
-        if simulation.start in ("steady", "periodic"):
-            yield FaultError("doesn't know of contacts; 'undeformed' and 'equilibrium' do", "simulation", "start")
-
     def _check_motion(self, name: str, drive: MotionDrive) -> Iterator[FaultError]:
         """A prescribed motion leaves its joint no coordinate: nothing else may act along it."""
         joint, drives = self.scene.joint[drive.joint], self.scene.drive
@@ -229,7 +211,7 @@ class CrossCheck:
             fault = f"holds no controller with a memory, such as {remembering[0]}; {starts[-1]!r} works"
             yield FaultError(fault, "simulation", "start")
         if self.scene.contact:
-            yield from self._check_contact_runs()
+            yield from check_contact_runs(self.scene)
         yield from check_runs(self.scene, self.scene.simulation_table.run)
         for number, name in enumerate(self.scene.simulation_table.fast):
             yield from self._check_joint(name, _SINGLE, "the fast list", "simulation", "fast", number)

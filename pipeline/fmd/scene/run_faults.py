@@ -25,3 +25,26 @@ def check_runs(scene: SceneTables, runs: Sequence[RunTable]) -> Iterator[FaultEr
             faults.append(f"doesn't end its steps where controller '{sampled[0]}' samples; {mend}")
         for fault in faults:
             yield FaultError(fault, "simulation", "run", number, "integrator")
+
+
+def check_contact_runs(scene: SceneTables) -> Iterator[FaultError]:
+    """Yield the faults of runs of a scene with contacts, which some methods and starts don't take."""
+    simulation = scene.simulation_table
+    assert simulation is not None
+    for number, run in enumerate(simulation.run):
+        if scene.refines_contacts and len(simulation.run) > 1:
+            fault = f"is a scene's only run with contacts; {name_methods('takes_contact')} stand beside others"
+            yield FaultError(fault, "simulation", "run", 0, "integrator")
+        if not (run.takes_contact or scene.refines_contacts):
+            mend = f"{name_methods('takes_contact')} do"
+            fault = f"takes no contact; 'auto' does, and {mend}"
+            yield FaultError(fault, "simulation", "run", number, "integrator")
+        lossy = [name for name, own in scene.contact.items() if own.has_memory]
+        if run.takes_contact and not run.takes_memory and lossy:
+            mend = f"{name_methods('takes_contact', 'takes_memory')} take those"
+            fault = f"takes no contact with friction, damping or restitution, as of contact.{lossy[0]}; {mend}"
+            yield FaultError(fault, "simulation", "run", number, "integrator")
+    if getattr(scene, "accuracy", None) is not None:
+        yield FaultError("can't be required of a scene with contacts: no error budget states theirs", "accuracy")
+    if simulation.start in ("steady", "periodic"):
+        yield FaultError("doesn't know of contacts; 'undeformed' and 'equilibrium' do", "simulation", "start")

@@ -28,13 +28,19 @@ class RunTable(SceneTable):
     keeps_loops: ClassVar[bool] = True  # it brings each step back onto the constraints of loops
     turns_in_space: ClassVar[bool] = True  # it takes joints with rotations in space, whose positions are quaternions
     samples: ClassVar[bool] = False  # its steps end where sampled controllers measure
-    takes_contact: ClassVar[bool] = False  # its steps are given, and it tells contacts when one ends
+    takes_contact: ClassVar[bool] = False  # it tells contacts when a step ends
+    takes_memory: ClassVar[bool] = True  # it takes contacts with friction, damping or restitution, if any
     passes_over: ClassVar[bool] = False  # it stays stable where its steps don't resolve fast vibrations
     limit_remedy: ClassVar[str] = ""  # how the message that refuses a step for its limit names another method
     growth_remedy: ClassVar[str] = ""  # how the one that refuses it for vibrations that it makes grow names another
 
     if TYPE_CHECKING:  # a field of each method, which describes it
         integrator: str
+
+    @property
+    def is_limited(self) -> bool:
+        """True if it takes given steps that have to resolve fast vibrations."""
+        return not (self.chooses_steps or self.passes_over)
 
     @classmethod
     def names(cls) -> tuple[str, ...]:

@@ -142,6 +142,8 @@ class RosenbrockRun(TolerantRun):
 class RungeKuttaRun(TolerantRun):
     """Runge-Kutta method of order 8 by Dormand and Prince, explicit, that chooses its steps.
 
+    Its steps end where surfaces of contacts without friction come to touch, or leave.
+
     Example:
 
         [[simulation.run]]
@@ -152,6 +154,8 @@ class RungeKuttaRun(TolerantRun):
     title: ClassVar[str] = "Runge-Kutta"
     method: ClassVar[str] = "runge_kutta.RungeKutta"
     samples: ClassVar[bool] = True
+    takes_contact: ClassVar[bool] = True
+    takes_memory: ClassVar[bool] = False
 
     integrator: Literal["runge-kutta"]
 

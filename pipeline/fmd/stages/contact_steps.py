@@ -33,7 +33,7 @@ def require_steps_of_modes(scene: Scene, mechanism: Mechanism) -> None:
         A step of an explicit method is longer than contact can take, or a motion has no inertia.
     """
     simulation = scene.simulation
-    given = {k: run.step or simulation.step for k, run in enumerate(simulation.run) if not run.passes_over}
+    given = {k: run.step or simulation.step for k, run in enumerate(simulation.run) if run.is_limited}
     steps = {k: step for k, step in given.items() if isinstance(step, float)}
     if not steps:
         return
@@ -95,7 +95,8 @@ def steps_settle(scene: Scene, found: Sequence[Mapping[str, Motion]]) -> bool:
 def most_halvings(built: Pipeline) -> int:
     """Return how often steps of a scene with contacts may be halved: those that it leaves open."""
     simulation = built.scene.simulation
-    free = built.scene.contact and simulation.step == "auto" and not any(each.step for each in simulation.run)
+    steps = {each.step for each in simulation.run if not each.chooses_steps}
+    free = built.scene.contact and simulation.step == "auto" and steps == {None}
     return HALVED_STEPS + halvings_to_closed(built) if free else 0
 
 

@@ -268,6 +268,8 @@ def _limit_contact_step(
     """
     require_free_start(built.scene, plan.system, plan.start)
     step, substeps, apart = plan.integrator.step, plan.integrator.substeps, Growth()
+    if run.chooses_steps:
+        return apart
     if substeps > 1:
         mechanism = replace(plan.mechanism, contacts=())
         own = replace(plan, mechanism=mechanism, system=share_system(mechanism))

@@ -33,7 +33,12 @@ HALVED_STEPS = 4  # times that a step left to the program is halved where contac
 CYCLES_ABOVE = 4.0  # of sub-cycling: with gaps that frames don't close in as many, nothing touches in the next one
 STEPS_ABOVE = 4.0  # steps for which a body's points stay above a plane, from which on they aren't placed
 
+CHANGE_KNOWN = 1e-6  # of a step: how near to its end or begin surfaces come to touch, or leave, where one ends there
+ROUNDED_FORCE = 1e3  # times the round-off of accelerations, relative: forces follow from small differences of places
+MOST_CUTS = 6  # of a step, until it ends there
+
 # Errors.
+LOOSER = 10.0  # times a tolerance: of the march that tells the error of contacts by steps that keep it
 MORE_MODES = 2.0  # times the modes: of the run that tells what is left out of a contact's figures
 FEWER_POINTS = 0.5  # of a grid's points: of the run that tells the grid's error
 

@@ -17,7 +17,7 @@ from fmd.contact.approach import any_force, may_close, note_corners
 from fmd.contact.assemble import contact_table
 from fmd.contact.patch import touch
 from fmd.contact.recorded import ContactRecord
-from fmd.contact.sums import evaluate_contacts, note_values, remember
+from fmd.contact.sums import copy_forces, evaluate_contacts, note_values, remember, replace_impulses
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.closed import keep_closed
@@ -28,12 +28,14 @@ from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.system import (
     accelerations,
     advance,
+    contact_forces,
     is_pressed,
     leapfrog_step,
     may_touch,
     note_contacts,
     project_onto_constraints,
     remember_contacts,
+    set_impulses,
 )
 from fmd.kernels.kernel import inner
 from fmd.kernels.vectors import call_native
@@ -72,6 +74,21 @@ class TouchingSystem(CompiledSystem):
     def n_contact_values(self) -> int:
         """How many values `note_contacts` fills."""
         return ContactRecord.width(self.mechanism.contacts)
+
+    @property
+    def n_contacts(self) -> int:
+        """Number of contacts."""
+        return sum(len(body.names) for body in self.mechanism.contacts)
+
+    @cached_property
+    def answers_to_contact(self) -> Array:
+        """Largest acceleration of each rate by a unit force on a point of a contact, shape (n,)."""
+        q, found = self.mechanism.rest_positions, np.zeros(self.n)
+        for body in self.mechanism.contacts:
+            number = self.mechanism.number_of(body.body)
+            J = self.point_velocities(q, number, body.points.x, body.points.shapes).reshape(-1, self.n)
+            found = np.maximum(found, np.abs(np.linalg.solve(self.mass_matrix(q), J.T)).max(axis=1, initial=0.0))
+        return found
 
     @cached_property
     def _parameters(self) -> TouchingParameters | TouchingClosedParameters:
@@ -213,6 +230,19 @@ def _note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
     _find_contacts(p, t, q, v)
     evaluate_contacts(p.contact, t, p.origins, p.rotations)
     note_values(p.contact, values)
+
+
+@contact_forces.register(TouchingParameters)
+@contact_forces.register(TouchingClosedParameters)
+def _contact_forces(p: Any, forces: Array) -> None:
+    evaluate_contacts(p.contact, p.contact.clock[0], p.origins, p.rotations)
+    copy_forces(p.contact, forces)
+
+
+@set_impulses.register(TouchingParameters)
+@set_impulses.register(TouchingClosedParameters)
+def _set_impulses(p: Any, impulses: Array) -> None:
+    replace_impulses(p.contact, impulses)
 
 
 @may_touch.register(TouchingParameters)
