@@ -24,7 +24,8 @@ class MatrixFiles(SceneTable):
 
     # Matrix of the free body, relative to the scene's file: Matrix Market, SciPy's ``.npz``, or what Abaqus writes:
     # rows of node, direction, node, direction, value, or of row, column, value. Of Nastran, OUTPUT4 (``.op4``), OUTPUT2
-    # (``.op2``) and DMIG cards (``.pch``); of CalculiX, ``.sti`` and ``.mas``; of Ansys, ``.full``.
+    # (``.op2``) and DMIG cards (``.pch``); of CalculiX, ``.sti`` and ``.mas``; of Ansys, ``.full``;
+    # of Code_Aster, what it prints.
     stiffness: SourceFile
     mass: SourceFile
     # Rows of a node's number, x, y and z, in the order of the matrices; or a deck of Nastran, Abaqus, CalculiX or

@@ -1,4 +1,4 @@
-"""Readers of matrices in files: Matrix Market, SciPy's, Abaqus' rows, Nastran's OUTPUT4, OUTPUT2 and DMIG, Ansys'."""
+"""Readers of matrices in files: Matrix Market, SciPy's, Abaqus', Nastran's, Ansys' and Code_Aster's."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from fmd.core.errors import AccuracyError, InputError, as_input_error
 from fmd.core.fortran import read_real
 from fmd.core.limits.files import MOST_MATRIX_BYTES, SHOWN_OF_LINE
 from fmd.fem.formats.ansys_full import read_full
+from fmd.fem.formats.code_aster import is_code_aster, read_code_aster
 from fmd.fem.formats.nastran_matrices import choose_matrix, read_dmig, read_op4, sum_entries
 from fmd.fem.formats.nastran_op2 import read_op2
 from fmd.fem.formats.node_places import read_matrix_text
@@ -122,10 +123,12 @@ def _real_matrix(shape: tuple[int, ...], row: IntArray, column: IntArray, values
 
 
 def _read_text(path: Path, labels: IntArray, unknowns: int) -> sp.csr_array:
-    """Read a matrix in Matrix Market form or in Abaqus' rows, of five items by node labels or of three by numbers."""
+    """Read Matrix Market's form, Code_Aster's, or Abaqus' rows of five items by labels or of three by numbers."""
     text = read_matrix_text(path)
     if text.startswith("%%MatrixMarket"):
         return _read_matrix_market(text)
+    if is_code_aster(text):
+        return _completed(read_code_aster(text, labels, unknowns))
     n = unknowns * len(labels)
     table = _coordinate_table(text, n)
     if by_numbers := table is not None:
