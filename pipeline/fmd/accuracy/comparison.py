@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,15 +21,12 @@ from fmd.core.limits.stepping import IMPLICIT_STEPS_IN_ACTION
 from fmd.integrators.automatic import Automatic
 from fmd.integrators.exponential import PiecewiseExponential
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.protocol import Integrator, Trajectory
+from fmd.recovery.motion import Motion
 from fmd.recovery.stress import choose_frames
-from fmd.stages.plan import repeat_choice
+from fmd.stages.pipeline import Pipeline
+from fmd.stages.plan import Plan, repeat_choice
 from fmd.stages.runs import plan_like
-
-if TYPE_CHECKING:
-    from fmd.integrators.protocol import Integrator, Trajectory
-    from fmd.recovery.motion import Motion
-    from fmd.stages.pipeline import Pipeline
-    from fmd.stages.plan import Plan
 
 
 class Comparison:

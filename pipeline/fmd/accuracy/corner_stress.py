@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +19,7 @@ from fmd.fem.surface import SurfaceTopology, reentrant_angles
 from fmd.recovery.stress import von_mises
 from fmd.scene.variants import compare_element_sizes
 from fmd.stages.division import part_of
-
-if TYPE_CHECKING:
-    from fmd.stages.part import FlexiblePart
+from fmd.stages.part import FlexiblePart
 
 
 @dataclass(frozen=True)

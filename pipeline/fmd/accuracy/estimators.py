@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,10 +30,8 @@ from fmd.core.limits import errors as limits
 from fmd.integrators.march_pairs import motion_difference
 from fmd.recovery.stress import excess_in_middle, von_mises
 from fmd.scene.variants import change_modes, enrich_bases
-
-if TYPE_CHECKING:
-    from fmd.stages.part import FlexiblePart
-    from fmd.stages.pipeline import Pipeline
+from fmd.stages.part import FlexiblePart
+from fmd.stages.pipeline import Pipeline
 
 # Multiples of the extrapolated change of frequencies; the first, SAFETY, matters most.
 _SHIFTS = (limits.SAFETY, 1.0, 0.5, 1.5)

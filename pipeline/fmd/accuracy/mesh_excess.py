@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from fmd.accuracy.coarse_mesh import Pair
 from fmd.core.arrays import Array
 from fmd.core.limits.errors import MOST_OF_CHANGE
-
-if TYPE_CHECKING:
-    from fmd.reduction.body import FlexibleBody
-    from fmd.stages.part import FlexiblePart
+from fmd.reduction.body import FlexibleBody
+from fmd.stages.part import FlexiblePart
 
 
 def find_excess(part: FlexiblePart, body: FlexibleBody, pair: Pair | str, across: Pair | None) -> tuple[Array, Array]:

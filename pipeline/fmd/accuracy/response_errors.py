@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,9 +26,7 @@ from fmd.responses.random_vibration import random_response
 from fmd.responses.state_space import choose_frequencies
 from fmd.scene.variants import change_modes
 from fmd.stages.linear_model import LinearModel, linearise_scene
-
-if TYPE_CHECKING:
-    from fmd.stages.pipeline import Pipeline
+from fmd.stages.pipeline import Pipeline
 
 SHIFTS = (0.5, 1.0, 1.5)  # multiples: beside a resonance a larger shift may change less
 NO_ERRORS = "no errors were estimated"

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,11 +15,9 @@ from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array
 from fmd.core.limits.patience import OF_TWO_MESHES, WITH_RATES
 from fmd.core.progress import Advance
+from fmd.stages.pipeline import Pipeline
 from fmd.stages.rotor import find_vibrations
 from fmd.stages.whirl_tables import without_whirl_tables
-
-if TYPE_CHECKING:
-    from fmd.stages.pipeline import Pipeline
 
 
 def estimate_frequency_errors(

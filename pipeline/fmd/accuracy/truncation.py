@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fmd.accuracy.changed_bodies import keep_lowest
-from fmd.accuracy.comparison import change_fineness
+from fmd.accuracy.comparison import Comparison, change_fineness
 from fmd.accuracy.details import is_reaction
+from fmd.accuracy.quantities import Quantities
 from fmd.accuracy.time_limit import LeftOutError
+from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
 from fmd.core.limits import errors as limits
 from fmd.core.limits.stability import SURELY_STABLE
 from fmd.integrators.runge_kutta import RungeKutta
+from fmd.recovery.motion import Motion
 from fmd.stages.pipeline import Pipeline
+from fmd.stages.plan import Plan
 from fmd.stages.runs import plan_like
-
-if TYPE_CHECKING:
-    from fmd.accuracy.comparison import Comparison
-    from fmd.accuracy.quantities import Quantities
-    from fmd.core.arrays import Array
-    from fmd.recovery.motion import Motion
-    from fmd.stages.plan import Plan
 
 
 def compare_bases(of: Comparison, rich: Pipeline) -> tuple[Quantities, Quantities]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -14,13 +14,10 @@ from fmd.contact.histories import BEGIN, END, MOST_WORN, N_VALUES, WORN
 from fmd.contact.round_laws import law_table
 from fmd.contact.surfaces import ContactSurface, find_surfaces
 from fmd.contact.tables import ContactTable
-from fmd.contact.touching_body import ContactPlane
+from fmd.contact.touching_body import ContactPlane, TouchingBody
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.code import DOUBLES_IN_LINE
 from fmd.core.limits.contact import KNOWN_RESPONSES, NEAR_RADIUS, NEAR_TRIANGLES
-
-if TYPE_CHECKING:
-    from fmd.contact.touching_body import TouchingBody
 
 
 def contact_table(

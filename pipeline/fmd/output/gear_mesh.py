@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,13 +16,10 @@ from fmd.core.html import scaled
 from fmd.core.involute import GearPair
 from fmd.core.limits.contact import COARSER_GEARS
 from fmd.output.output_kinds import OutputKind, ResponseKind
-from fmd.scene.gears import find_pair
+from fmd.scene.gears import GearMesh, GearTeethMesh, find_pair
+from fmd.scene.scene import Scene
 from fmd.scene.variants import refine_meshes
 from fmd.stages.pipeline import Pipeline
-
-if TYPE_CHECKING:
-    from fmd.scene.gears import GearMesh, GearTeethMesh
-    from fmd.scene.scene import Scene
 
 _NAMES = {
     "transmission_error_m": ("mean transmission error", "m"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,12 +12,10 @@ from fmd.core.files import number_texts, write_table
 from fmd.output.error_table import write_errors
 from fmd.output.output_kinds import OutputKind
 from fmd.output.variable_errors import VariableErrors
+from fmd.recovery.motion import Motion
 from fmd.render.calls import Drawer, draw_here
-
-if TYPE_CHECKING:
-    from fmd.recovery.motion import Motion
-    from fmd.scene.outputs import Orbit
-    from fmd.stages.pipeline import Pipeline
+from fmd.scene.outputs import Orbit
+from fmd.stages.pipeline import Pipeline
 
 
 def draw_orbit(run: Pipeline, output: Orbit, folder: Path, draw: Drawer = draw_here) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +19,8 @@ from fmd.output.variable_errors import VariableErrors
 from fmd.recovery.plies import FAILURE_INDICES, PLY_STRESSES, PlyExtremes, extremes_of_laminates, shells_of
 from fmd.render.calls import Drawer, draw_here
 from fmd.render.colours import stress_limits
-
-if TYPE_CHECKING:
-    from fmd.scene.stress_outputs import Plies
-    from fmd.stages.pipeline import Pipeline
+from fmd.scene.stress_outputs import Plies
+from fmd.stages.pipeline import Pipeline
 
 _COLUMNS = {
     **{f"stress_{c}_{end}_pa": f"{c} {end}" for c in PLY_STRESSES for end in ("max", "min")},

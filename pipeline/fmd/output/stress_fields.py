@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -28,10 +28,8 @@ from fmd.recovery.fatigue import (
 from fmd.recovery.stress import StressHistory
 from fmd.render.calls import Drawer, draw_here
 from fmd.render.colours import stress_limits
-
-if TYPE_CHECKING:
-    from fmd.scene.stress_outputs import Envelope, Fatigue, SurfaceField
-    from fmd.stages.pipeline import Pipeline
+from fmd.scene.stress_outputs import Envelope, Fatigue, SurfaceField
+from fmd.stages.pipeline import Pipeline
 
 AnyField = TypeVar("AnyField", bound="SurfaceField")
 

@@ -16,15 +16,13 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.memory import STRAINED_AT_ONCE
 from fmd.core.limits.recovery import EFFECTIVITY, INDEPENDENT_TERM, SAMPLES_PER_TERM
 from fmd.fem.elements import determinants, shape_functions
-from fmd.fem.material import batches
-from fmd.fem.space import member_of
+from fmd.fem.material import AnyElastic, AnyMaterial, batches
+from fmd.fem.space import Discretisation, member_of
 from fmd.fem.strain import DOUBLED, HALVED, TENSOR, VOIGT, strains, stresses
 from fmd.recovery.stress import average_at_nodes
 
 if TYPE_CHECKING:
     from fmd.fem.joined import AnySpace
-    from fmd.fem.material import AnyElastic, AnyMaterial
-    from fmd.fem.space import Discretisation
 
 
 def patch_stress(space: AnySpace, material: AnyMaterial, shapes: Array, node: int) -> Array:

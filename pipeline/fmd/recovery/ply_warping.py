@@ -7,20 +7,16 @@ predictor and corrector; Noor & Burton, Composite Structures 14, 1990).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.recovery import INDEPENDENT_WAY
+from fmd.fem.layered import Layered
 from fmd.fem.material import PLANE, bond
+from fmd.fem.space import Discretisation
 from fmd.fem.strain import strains
 from fmd.recovery.plies import modal_ply_stress, places_of_plies
-
-if TYPE_CHECKING:
-    from fmd.fem.layered import Layered
-    from fmd.fem.space import Discretisation
 
 _STRETCHES = np.array([0, 1, 4])  # in the plane, of a ply's five components
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +19,11 @@ from fmd.dynamics.closures import Closure
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiler.closures import ConstraintRow, OpenConstraintError
 from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.state_functions import StateFunction
 from fmd.integrators.protocol import move_positions
 from fmd.scene.joints.any_joint import Joint, kinds_that
+from fmd.scene.scene import Scene
 from fmd.stages.closing_ways import describe_ways
 from fmd.stages.loop_closing import (
     close_by,
@@ -35,10 +36,6 @@ from fmd.stages.loop_closing import (
     residuals,
 )
 from fmd.stages.run_checks import require_inertia
-
-if TYPE_CHECKING:
-    from fmd.dynamics.mechanism import Mechanism
-    from fmd.scene.scene import Scene
 
 
 def assemble(scene: Scene, mechanism: Mechanism) -> Mechanism:

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits import newton as limits
 from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.protocol import move_positions
+from fmd.scene.scene import Scene
 from fmd.stages.loop_closing import close_by, given_joints, loose_rates, open_residual
-
-if TYPE_CHECKING:
-    from fmd.dynamics.mechanism import Mechanism
-    from fmd.scene.scene import Scene
 
 
 def describe_ways(scene: Scene, mechanism: Mechanism) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +13,9 @@ from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.contact import GRID_MARGIN, RESOLVED_BY_MESH
 from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.mechanism import Mechanism
+from fmd.scene.scene import Scene
 from fmd.stages.loop_closing import given_joints
-
-if TYPE_CHECKING:
-    from fmd.dynamics.mechanism import Mechanism
-    from fmd.scene.scene import Scene
 
 
 class StartPose:

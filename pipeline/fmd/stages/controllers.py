@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.files import digest_file
@@ -15,10 +14,7 @@ from fmd.dynamics.links import Link, controller_state
 from fmd.dynamics.state_functions import HeldValue, JointValue, Measured, StateFunction
 from fmd.scene.controllers import ExternalValue, FmuController, LagController, PidController
 from fmd.scene.reading import suggest_name
-from fmd.stages.state_functions import combine_functions
-
-if TYPE_CHECKING:
-    from fmd.stages.state_functions import FunctionBuilder
+from fmd.stages.state_functions import FunctionBuilder, combine_functions
 
 
 def fmu_law(given: FmuController, scene_file: str, name: str) -> FmuLaw:

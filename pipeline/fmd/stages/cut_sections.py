@@ -32,12 +32,11 @@ from fmd.fem.mesh import SolidMesh
 from fmd.fem.partition import facet_areas, interior_facets
 from fmd.fem.space import Discretisation
 from fmd.scene.bodies import Solid
-from fmd.stages.piece_mesh import CutPart, round_to_grid
+from fmd.stages.piece_mesh import Cut, CutPart, round_to_grid
 
 if TYPE_CHECKING:
     from fmd.reduction.eigen import FreeBodySolver
     from fmd.stages.part import FlexiblePart
-    from fmd.stages.piece_mesh import Cut, CutPart
 
 _SOURCES = ("fmd/fem", "fmd/reduction", "fmd/stages/cut_sections.py", "fmd/stages/pieces.py")
 

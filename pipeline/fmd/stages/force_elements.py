@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,10 +21,8 @@ from fmd.scene.bearing_tables import BearingTable
 from fmd.scene.curves import ForceByElongation
 from fmd.scene.force_elements import AngleStop, Bearing, Bushing, LengthStop, Spring
 from fmd.scene.joints.joint import JointTable
+from fmd.scene.scene import Scene
 from fmd.stages.state_functions import make_curve
-
-if TYPE_CHECKING:
-    from fmd.scene.scene import Scene
 
 Locate = Callable[[str], tuple[Place, Array]]
 """Returns a marker or a place on the ground by its name, and its axes in those of its body."""

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS
 from fmd.dynamics.compiler.digest import share_digest
 from fmd.dynamics.mechanism import Mechanism
 from fmd.reduction.body import FlexibleBody
+from fmd.scene.scene import Scene
 from fmd.stages.mechanism import build_mechanism
-
-if TYPE_CHECKING:
-    from fmd.scene.scene import Scene
-
 
 Built = tuple["Scene", Mapping[str, FlexibleBody], Mechanism]
 """A scene without numbers of joints, its reduced bodies, and its mechanism."""

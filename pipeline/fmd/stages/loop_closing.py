@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,13 +11,11 @@ from fmd.core.limits import newton as limits
 from fmd.core.newton import Tolerance, largest, solve
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.linear_forces import gather_linear_forces
+from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.protocol import move_positions
 from fmd.scene.joints.joint import POSITION_KEYS, RATE_KEYS
+from fmd.scene.scene import Scene
 from fmd.stages.parent_joint import joint_axes
-
-if TYPE_CHECKING:
-    from fmd.dynamics.mechanism import Mechanism
-    from fmd.scene.scene import Scene
 
 _CLOSING = Tolerance(limits.CLOSING_CORRECTIONS, residual=limits.CLOSED, stalled=limits.OPEN)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals
 from fmd.scene.loads import JointDrive, MarkerLoad, find_motion
 from fmd.scene.modes import damping_ratios
+from fmd.scene.scene import Scene
 from fmd.stages.assembly import assemble, close_start, following_joints, start_controllers
 from fmd.stages.controllers import add_controllers
 from fmd.stages.division import part_of
@@ -33,9 +34,6 @@ from fmd.stages.loop_closing import given_joints
 from fmd.stages.parent_joint import ground_place, joint_axes, place_axes, read_parent_joint
 from fmd.stages.signals import require_sound_drives, signal_of
 from fmd.stages.state_functions import FunctionBuilder, require_values_at_start
-
-if TYPE_CHECKING:
-    from fmd.scene.scene import Scene
 
 
 def build_mechanism(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> Mechanism:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
-from fmd.fem.surface import surface_elements
+from fmd.fem.surface import SurfaceTopology, surface_elements
 from fmd.recovery.stress import point_stress
 from fmd.reduction.inertia import add_normal_blocks
 from fmd.scene.bar import Bar
@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from fmd.fem.mesh import SolidMesh
     from fmd.fem.model import FEModel
     from fmd.fem.space import Discretisation
-    from fmd.fem.surface import SurfaceTopology
     from fmd.recovery.deformation import DeformationShapes
     from fmd.reduction.body import FlexibleBody, SecondOrder
     from fmd.reduction.modes import Modes

@@ -7,30 +7,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.errors import AccuracyError, InputError, as_input_error
-from fmd.fem.joined import HINGE_MEND
+from fmd.fem.joined import HINGE_MEND, AnyMesh
 from fmd.fem.joined_model import SeamError
 from fmd.fem.layered import DirectionError
-from fmd.fem.surface import surface_topology
-from fmd.recovery.deformation import deformation_shapes, node_deformation_shapes
+from fmd.fem.surface import SurfaceTopology, surface_topology
+from fmd.recovery.deformation import DeformationShapes, deformation_shapes, node_deformation_shapes
 from fmd.recovery.stress import element_stress, modal_stress
-from fmd.reduction.body import SecondOrder
+from fmd.reduction.body import FlexibleBody, SecondOrder
 from fmd.reduction.inertia import normal_blocks
 from fmd.stages.file_sizes import require_possible_sizes
 from fmd.stages.meshing.bodies import make_mesh, read_body_matrices
-from fmd.stages.part import NO_MESH
+from fmd.stages.part import NO_MESH, FlexiblePart
 from fmd.stages.reduced_files import modes_of_file, read_reduced_body, reduce_file_body
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from fmd.core.arrays import Array
-    from fmd.fem.joined import AnyMesh
     from fmd.fem.model import FEModel
-    from fmd.fem.surface import SurfaceTopology
-    from fmd.recovery.deformation import DeformationShapes
-    from fmd.reduction.body import FlexibleBody
     from fmd.reduction.modes import Modes
-    from fmd.stages.part import FlexiblePart
 
 
 def compute_mesh(part: FlexiblePart) -> AnyMesh:

@@ -14,7 +14,7 @@ from fmd.core.units import unit_ratio
 from fmd.fem.formats.node_places import read_places
 from fmd.reduction.formats.body_format import BodyFormat, body_format
 from fmd.reduction.given_superelement import GivenSuperelement, Recovery
-from fmd.reduction.modal_data import without_stiffening
+from fmd.reduction.modal_data import ModalData, without_stiffening
 from fmd.scene.outputs import READ_FORMATS
 from fmd.scene.reading import suggest_name
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from fmd.fem.model import FEModel
     from fmd.reduction.body import FlexibleBody
     from fmd.reduction.equivalent_model import EquivalentModel
-    from fmd.reduction.modal_data import ModalData
     from fmd.reduction.modes import Modes
     from fmd.scene.any_body import Flexible
     from fmd.scene.reduced_bodies import BodyFile

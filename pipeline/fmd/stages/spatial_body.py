@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,17 +10,13 @@ from fmd.core.arrays import Array
 from fmd.core.cache import stage_key
 from fmd.core.errors import InputError, as_input_error
 from fmd.recovery.stress import modal_stress
+from fmd.reduction.body import FlexibleBody
 from fmd.reduction.craig_bampton import Superelement, make_superelement
 from fmd.reduction.modes import TooManyModesError
 from fmd.scene.modes import damping_ratios
-from fmd.stages.basis import reduce_body, stiffen_for_any_motion, stiffen_reduced
+from fmd.stages.basis import ConstrainedModel, reduce_body, stiffen_for_any_motion, stiffen_reduced
 from fmd.stages.part import FlexiblePart
 from fmd.stages.reduced_files import reduce_file_body
-
-if TYPE_CHECKING:
-    from fmd.core.arrays import Array
-    from fmd.reduction.body import FlexibleBody
-    from fmd.stages.basis import ConstrainedModel
 
 _SOURCES = ("fmd/fem", "fmd/reduction", "fmd/stages")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -27,10 +27,8 @@ from fmd.dynamics.state_functions import (
     add_functions,
 )
 from fmd.scene.result_names import read_observed
+from fmd.scene.scene import Scene
 from fmd.scene.state_loads import OWN, FormulaVariable, FormulaVariables, LoadOverTime
-
-if TYPE_CHECKING:
-    from fmd.scene.scene import Scene
 
 Locate = Callable[[str], tuple[Place, Array]]
 """Returns a marker by its name, and its axes in those of its body."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.controllers import HeldValues
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.least_work import share_open_loads
+from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.open_loads import largest_residual, open_loads
 from fmd.dynamics.transmitted_loads import (
     BodyLoads,
@@ -28,17 +28,14 @@ from fmd.dynamics.transmitted_loads import (
     transmitted_loads,
     without_negligible_terms,
 )
+from fmd.integrators.protocol import Integrator
+from fmd.reduction.body import FlexibleBody
 from fmd.scene.modes import damping_ratios
+from fmd.scene.scene import Scene
 from fmd.stages.assembly import movable_rigid
 from fmd.stages.division import part_of
 from fmd.stages.mechanism import build_mechanism, place_joints
 from fmd.stages.run_checks import require_inertia
-
-if TYPE_CHECKING:
-    from fmd.dynamics.mechanism import Mechanism
-    from fmd.integrators.protocol import Integrator
-    from fmd.reduction.body import FlexibleBody
-    from fmd.scene.scene import Scene
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,12 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from fmd.core.errors import InputError
 from fmd.core.limits.patience import ANSWERS_WITHIN, WORKS_WITHIN
+from fmd.scene.scene import Scene
 from fmd.sweep.record import Record, Wanted, interrupted_record
 from fmd.sweep.work import compute_point
-
-if TYPE_CHECKING:
-    from fmd.scene.scene import Scene
 
 _SCHEDULER = "--scheduler"
 
