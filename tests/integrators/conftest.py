@@ -12,7 +12,7 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.central_difference import CentralDifference
-from fmd.integrators.protocol import evaluate
+from fmd.integrators.protocol import evaluate_state
 from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.subcycling import Subcycling
 from fmd.recovery.motion import Motion
@@ -69,11 +69,13 @@ def random_body(n: int, seed: int, kind: str = "conforming", far: float = 0.0) -
 
 def by_dop853(rotor: CompiledSystem, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
     """Integrate by SciPy's DOP853, started afresh where the torque has a kink; coordinates and rates at ``times``."""
-    n, a, parameters = rotor.n, np.empty(rotor.n), rotor.parameters
+    n, state, slope = rotor.n, np.concatenate([q0, v0]), np.empty(2 * rotor.n)
+    evaluate = evaluate_state.bind((rotor.parameters, state, slope), n, 0.0)
 
     def rates(t: float, y: Array) -> Array:
-        evaluate(parameters, t, y[:n].copy(), y[n:].copy(), a)
-        return np.concatenate([y[n:], a])
+        state[:] = y
+        evaluate(n, t)
+        return slope.copy()
 
     last = float(times[-1])
     kinks = [t for t in rotor.breakpoints if 0.0 < t < last]

@@ -323,6 +323,14 @@ def evaluate_velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
     velocities(p, q, v, dq)
 
 
+@kernel
+def evaluate_state(p: Any, y: Array, slope: Array, n_positions: int, t: float) -> None:
+    """Evaluate the time derivatives of a mechanism's state, positions and then rates, into slope."""
+    q, v = y[:n_positions], y[n_positions:]
+    accelerations(p, t, q, v, slope[n_positions:])
+    velocities(p, q, v, slope[:n_positions])
+
+
 @project.register(Table)
 def _project(p: Any, t: float, q: Array, v: Array) -> None:
     """Leave a state as it is: parameters that say nothing else know of no constraints."""

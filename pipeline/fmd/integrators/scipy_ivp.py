@@ -21,8 +21,7 @@ from fmd.integrators.protocol import (
     Progress,
     State,
     Trajectory,
-    evaluate,
-    evaluate_velocities,
+    evaluate_state,
     require_start,
     require_times,
     require_tolerance,
@@ -69,25 +68,25 @@ class ScipyIvp(Integrator):
         """
         require_start(system, q0, v0)
         require_times(times)
-        p, n, n_positions = system.parameters, system.n, system.n_positions
-        a, dq = np.zeros(n), np.zeros(n_positions)
-        evaluations = 0  # SciPy's own count leaves out Jacobians
+        n_positions = system.n_positions
+        y, now, end, n_steps = np.concatenate([q0, v0]).astype(float), 0.0, float(times[-1]), 0
+        state, rates_there = y.copy(), np.zeros(y.size)
+        # Bound: of a small mechanism a call of a kernel by its arguments takes several times as long as what it does.
+        evaluate = evaluate_state.bind((system.parameters, state, rates_there), n_positions, now)  # type: ignore[attr-defined]
+        slope, evaluations = rates_there.copy(), 1  # SciPy's own count leaves out Jacobians
 
         def rates(t: float, y: Array) -> Array:
             nonlocal evaluations
             evaluations += 1
-            q, v = y[:n_positions].copy(), y[n_positions:].copy()
-            evaluate(p, t, q, v, a)
-            evaluate_velocities(p, q, v, dq)
-            return np.concatenate([dq, a])
+            state[:] = y
+            evaluate(n_positions, t)
+            return rates_there.copy()
 
-        samples = np.full((len(times), n_positions + n), np.nan)
-        y, now, end, n_steps = np.concatenate([q0, v0]).astype(float), 0.0, float(times[-1]), 0
+        samples = np.full((len(times), y.size), np.nan)
         samples[times == now] = y
         bounds = system.step_bounds
         stops = [point for point in system.breakpoints if point > now]
         left = StepsLeft(self.name, end, MOST_SCIPY_STEPS, SCIPY_WINDOW)
-        slope = rates(now, y)  # compiles, or reads kernels: not part of the run time
         tick = time.perf_counter()
         while now < end:
             stop = stops.pop(0) if stops else FAR_OFF
@@ -110,10 +109,10 @@ class ScipyIvp(Integrator):
             now, y = solver.t, solver.y
             slope = rates(now, y)  # the last time for the accelerations of the end state
         seconds = time.perf_counter() - tick
-        state = State(n_steps, y[:n_positions].copy(), y[n_positions:].copy(), a, float(now))
+        last = State(n_steps, y[:n_positions].copy(), y[n_positions:].copy(), slope[n_positions:], float(now))
         q, v = samples[:, :n_positions], samples[:, n_positions:]
         mean_step = now / n_steps if n_steps else 0.0
-        return Trajectory(self.name, mean_step, 1, times, q, v, evaluations, 0, seconds, state)
+        return Trajectory(self.name, mean_step, 1, times, q, v, evaluations, 0, seconds, last)
 
     def _solver(
         self, rates: Callable[[float, Array], Array], now: float, y: Array, stop: float, first_step: float | None = None
