@@ -110,11 +110,12 @@ def with_own_cache() -> Callable[[Path], dict[str, str]]:
 
 
 QUICKLY_COMPILED = {
-    *("contact", "dynamics", "fitting", "integrators", "responses"),
+    *("contact", "dynamics", "fitting", "integrators", "responses", "stability"),
     # a function of its own for each scene, which is hardly marched
     *("test_controllers", "test_deformation", "test_details", "test_large_deflection", "test_links"),
     *("test_loads_through_bodies", "test_loop_scenes", "test_overstated", "test_pieces", "test_pressure"),
-    *("test_propeller_scenes", "test_stress", "test_stretched_bars", "test_turning_pieces", "test_warping_pieces"),
+    *("test_propeller_scenes", "test_spin_up", "test_stress", "test_stretched_bars", "test_suite", "test_truth"),
+    *("test_turning_pieces", "test_warping_pieces", "test_work"),
 }
 """Rooms and files whose marches are short; longer ones cost more than compiling."""
 FULLY_COMPILED = {"test_machine_code"}
