@@ -13,8 +13,8 @@ from fmd import load_scene
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.errors import InputError
 from fmd.output.histories import draw_history, extremes, history_variables, write_history
+from fmd.output.report.contents import show_outputs
 from fmd.output.report.page import make_brief, make_page
-from fmd.output.report.shown import show_outputs
 from fmd.output.variable_errors import VariableErrors
 from fmd.stages.pipeline import Pipeline
 

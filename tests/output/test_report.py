@@ -23,8 +23,8 @@ from matplotlib import colormaps
 from matplotlib.image import imread
 
 from fmd import load, load_scene, solve
+from fmd.output.report.contents import show_outputs
 from fmd.output.report.page import make_page
-from fmd.output.report.shown import show_outputs
 from fmd.output.report.view3d import collect_view
 from fmd.render.camera import Camera
 

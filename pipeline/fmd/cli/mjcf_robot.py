@@ -16,9 +16,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from fmd.cli.geoms import Geom, SolidMass, add_masses
-from fmd.cli.mjcf_attributes import DISABLED, list_untaken
+from fmd.cli.mjcf_attributes import DISABLED, direction, list_untaken, read_turn, turn_z
 from fmd.cli.mjcf_files import read_model
-from fmd.cli.mjcf_turns import direction, read_turn, turn_z
 from fmd.cli.robot import (
     Pose,
     Robot,

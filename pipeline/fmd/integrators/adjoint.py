@@ -8,7 +8,7 @@ of a method that chooses its steps it holds the states at which all of them begi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any
@@ -28,13 +28,34 @@ from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants
 from fmd.dynamics.compiled_system.tangents import Direction, system_along, tabulate_variants
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.signal_code import load_signals
+from fmd.integrators.fixed_step import locate_samples
 from fmd.integrators.protocol import Integrator
-from fmd.kernels.kernel import kernel
+from fmd.kernels.kernel import inlined, kernel
+from fmd.kernels.table import Table
 from fmd.kernels.vectors import call_native
 
 
 class NotTakenBackError(AccuracyError):
     """The steps of a march can't be taken back; its tangents don't depend on that."""
+
+
+@dataclass(frozen=True)
+class Output(Table):
+    """Weights of a march's output, which is taken from the last output time back."""
+
+    t: Array  # (n_times,): output times [s], the step that each is in, and the time since its begin [s]
+    step: IntArray
+    offset: Array
+    by_q: Array  # (n_times, n_positions): weights of positions, and (n_times, n) of rates
+    by_v: Array
+    left: IntArray  # (1,): output times that are still to come
+
+
+@inlined
+def has_next(output: Output, step: int) -> bool:
+    """Tell whether the last output time that is left is in a step."""
+    last = int(output.left[0]) - 1
+    return last >= 0 and int(output.step[last]) == step
 
 
 @dataclass(frozen=True)
@@ -63,6 +84,20 @@ class WeightedMarch:
         """Return how many steps are kept, where one has so many evaluations of the equations."""
         widest = max(self.system.n_positions, self.parameters.inputs.size)
         return max(1, MOST_STEPS_KEPT // (per_step * widest))
+
+    def locate_output(self, step: float) -> Output:
+        """Return the output by steps [s]."""
+        return self.output_in(*locate_samples(self.times, step))
+
+    def output_in(self, steps: IntArray, offset: Array) -> Output:
+        """Return the output by the steps that it is in (n_times,), and the times since their begins (n_times,) [s]."""
+        return Output(self.times, steps, offset, self.by_q, self.by_v, np.array([len(self.times)]))
+
+    def divide(self, output: Output, per_step: int) -> tuple[int, int, int]:
+        """Return numbers of steps, of those in a section, and of evaluations that projections of its output are."""
+        n_steps = int(output.step[-1]) + 1
+        kept = min(n_steps, self.count_kept_steps(per_step))
+        return n_steps, kept, self.n_projected * int(np.bincount(output.step // kept).max())
 
 
 @kernel
@@ -121,6 +156,24 @@ class Sums:
             own = self.found[first : first + LANES]
             own += sums[: len(own)]
         known.count[0] = 0
+
+
+def sections_back(
+    n_steps: int, kept: int, state: Any, keep: Callable[[Any, int, int], None]
+) -> Iterator[tuple[int, int]]:
+    """March from a state, which has a copy, in sections, and yield first step and length of each, the last one first.
+
+    ``keep`` marches such a section on and keeps its steps, which are those at hand.
+    """
+    begins = []
+    for first in range(0, n_steps, kept):
+        begins.append(state.copy())
+        keep(state, first, min(kept, n_steps - first))
+    for number, begin in reversed([*enumerate(begins)]):
+        first, count = number * kept, min(kept, n_steps - number * kept)
+        if number < len(begins) - 1:
+            keep(begin, first, count)
+        yield first, count
 
 
 @singledispatch

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.adjoint_kernels import (
     StepsBack,
     accelerate_back,
@@ -19,9 +19,8 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
 )
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.system import advance
-from fmd.integrators.adjoint import Sums, WeightedMarch, make_room, take_back
+from fmd.integrators.adjoint import Output, Sums, WeightedMarch, has_next, make_room, sections_back, take_back
 from fmd.integrators.central_difference import CentralDifference
-from fmd.integrators.fixed_step import locate_samples
 from fmd.integrators.protocol import State
 from fmd.kernels.kernel import inlined, kernel
 from fmd.kernels.table import Table
@@ -29,14 +28,9 @@ from fmd.kernels.table import Table
 
 @dataclass(frozen=True)
 class _Output(Table):
-    """Weights of a march's output, and derivatives by a step's begin of what is in it."""
+    """A march's output, and derivatives by a step's begin of what is in it."""
 
-    t: Array  # (n_times,): output times [s]
-    step: IntArray  # (n_times,): step that each is in
-    offset: Array  # (n_times,): and the time since its begin [s]
-    by_q: Array  # (n_times, n_positions): weights of positions, and (n_times, n) of rates
-    by_v: Array
-    left: IntArray  # (1,): output times that are still to come, from the last one back
+    of: Output
     q: Array  # (n_positions,): the output itself
     v: Array  # (n,)
     dq: Array  # (n_positions,): its derivatives
@@ -59,9 +53,9 @@ def _take_back(p: Any, s: StepsBack, output: _Output, first: int, count: int) ->
         k = count - 1 - back
         for i in range(s.dq.size):
             output.sum_q[i] = 0.0
-        while output.left[0] > 0 and output.step[output.left[0] - 1] == first + k:
-            output.left[0] -= 1
-            _add_output(p, s, output, output.left[0], k)
+        while has_next(output.of, first + k):
+            output.of.left[0] -= 1
+            _add_output(p, s, output, output.of.left[0], k)
         step_back(p, s, (first + k) * s.h, k)
         for i in range(s.dq.size):
             s.dq[i] += s.of_q[i] + output.sum_q[i]
@@ -86,16 +80,16 @@ def _take_start_back(p: Any, s: StepsBack, q: Array, v: Array, a: Array) -> None
 @inlined
 def _add_output(p: Any, s: StepsBack, output: _Output, number: int, k: int) -> None:
     """Add what an output has of its step's begin, rates and accelerations: Taylor's polynomial, projected."""
-    ahead = output.offset[number]
+    ahead = output.of.offset[number]
     for i in range(s.dq.size):
-        output.dq[i] = output.by_q[number, i]
+        output.dq[i] = output.of.by_q[number, i]
         output.q[i] = s.q[k, i]
     for i in range(s.dv.size):
-        output.dv[i] = output.by_v[number, i]
+        output.dv[i] = output.of.by_v[number, i]
         output.rate[i] = s.ahead[k, i] + 0.5 * (ahead - s.h) * s.a[k, i]
         output.v[i] = output.rate[i] + 0.5 * ahead * s.a[k, i]
     advance(p, output.q, output.rate, ahead, 0, s.dv.size)
-    project_back(p, s, output.t[number], output.q, output.v, output.dq, output.dv)
+    project_back(p, s, output.of.t[number], output.q, output.v, output.dq, output.dv)
     for i in range(s.dv.size):
         s.da[i] += 0.5 * ahead * output.dv[i]
         output.rate[i] = s.ahead[k, i] + 0.5 * (ahead - s.h) * s.a[k, i]
@@ -110,33 +104,20 @@ def _add_output(p: Any, s: StepsBack, output: _Output, number: int, k: int) -> N
 
 @take_back.register
 def _take_march_back(method: CentralDifference, march: WeightedMarch, sums: Sums) -> tuple[Array, Array, float]:
-    system, q0, v0, times = march.system, march.q0, march.v0, march.times
-    own, offset = locate_samples(times, method.step)
-    n_steps = int(own[-1]) + 1
-    per_step = _evaluations_in_step(system)
-    kept = min(n_steps, march.count_kept_steps(per_step))
-    outputs = int(np.bincount(own // kept).max())
-    s = make_room(system, method.step, kept, max(2, per_step * kept + march.n_projected * outputs))
-    n_positions, n = system.n_positions, system.n
+    system, q0, v0, p = march.system, march.q0, march.v0, march.parameters
+    per_step, of = _evaluations_in_step(system), march.locate_output(method.step)
+    n_steps, kept, projected = march.divide(of, per_step)
+    s = make_room(system, method.step, kept, max(2, per_step * kept + projected))
     output = _Output(
-        t=times,
-        step=own,
-        offset=offset,
-        by_q=march.by_q,
-        by_v=march.by_v,
-        left=np.array([len(times)]),
-        **{name: np.zeros(n_positions) for name in ("q", "dq", "sum_q")},
-        **{name: np.zeros(n) for name in ("v", "dv", "rate")},
+        of=of,
+        **{name: np.zeros(system.n_positions) for name in ("q", "dq", "sum_q")},
+        **{name: np.zeros(system.n) for name in ("v", "dv", "rate")},
     )
-    p, state = march.parameters, method.start(system, q0, v0)
-    begins: list[State] = []
-    for first in range(0, n_steps, kept):
-        begins.append(state.copy())
-        _take_steps(p, s, state.q, state.v, state.a, first, min(kept, n_steps - first))
-    for number, begin in reversed([*enumerate(begins)]):
-        first, count = number * kept, min(kept, n_steps - number * kept)
-        if number < len(begins) - 1:
-            _take_steps(p, s, begin.q, begin.v, begin.a, first, count)
+
+    def keep(state: State, first: int, count: int) -> None:
+        _take_steps(p, s, state.q, state.v, state.a, first, count)
+
+    for first, count in sections_back(n_steps, kept, method.start(system, q0, v0), keep):
         _take_back(p, s, output, first, count)
         sums.take(s.known)
     start = [np.array(x, dtype=float) for x in (q0, v0, method.start(system, q0, v0).a)]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.adjoint_kernels import (
     StepsBack,
     accelerate_back,
@@ -19,9 +19,8 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
     project_back,
 )
 from fmd.dynamics.system import accelerations
-from fmd.integrators.adjoint import Sums, WeightedMarch, make_room, take_back
+from fmd.integrators.adjoint import Output, Sums, WeightedMarch, has_next, make_room, sections_back, take_back
 from fmd.integrators.exponential import Exponential, ExponentialSteps, fill_functions, move_oscillator, take_step
-from fmd.integrators.fixed_step import locate_samples
 from fmd.kernels.kernel import inner, kernel
 from fmd.kernels.table import Table
 
@@ -31,12 +30,7 @@ class _StagesBack(Table):
     """Begins of a section's steps, the march's output, and weights in a step."""
 
     begin: Array  # (n_kept, 2, n): positions and rates
-    times: Array  # (n_times,): output times [s], the step that each is in, and the time since its begin [s]
-    step: IntArray
-    offset: Array
-    by_q: Array  # (n_times, n): weights of positions and rates
-    by_v: Array
-    left: IntArray  # (1,): output times that are still to come, from the last one back
+    output: Output
     q: Array  # (n,): a state, weights of it, and accelerations there
     v: Array
     dq: Array
@@ -73,13 +67,14 @@ def _take_back(m: ExponentialSteps, p: Any, s: StepsBack, r: _StagesBack, first:
         choose_constraints_anew(p)
         take_step(m, p, t)
         _flow_back(m, p, s, r, t + m.h, m.h, 1.0, m.full)
-        while r.left[0] > 0 and r.step[r.left[0] - 1] == first + k:
-            r.left[0] -= 1
-            at = r.left[0]
+        while has_next(r.output, first + k):
+            r.output.left[0] -= 1
+            at = r.output.left[0]
+            ahead = r.output.offset[at]
             for i in range(m.v.size):
-                r.dq[i], r.dv[i] = r.by_q[at, i], r.by_v[at, i]
-                fill_functions(m.stiffness[i], r.offset[at], m.phi[i])
-            _flow_back(m, p, s, r, r.times[at], r.offset[at], r.offset[at] / m.h, m.phi)
+                r.dq[i], r.dv[i] = r.output.by_q[at, i], r.output.by_v[at, i]
+                fill_functions(m.stiffness[i], ahead, m.phi[i])
+            _flow_back(m, p, s, r, r.output.t[at], ahead, ahead / m.h, m.phi)
         if s.none.size > 0:  # projections have chosen constraints of their own
             choose_constraints_anew(p)
             accelerations(p, t, m.q_now, m.v_now, r.a)
@@ -156,34 +151,24 @@ def _rest_back(
 @take_back.register
 def _take_march_back(method: Exponential, march: WeightedMarch, sums: Sums) -> tuple[Array, Array, float]:
     system, p, n = march.system, march.parameters, march.system.n
-    own, offset = locate_samples(march.times, method.step)
-    n_steps = int(own[-1]) + 1
-    per_step = 4 * march.n_kept + 2 * march.n_projected
-    kept = min(n_steps, march.count_kept_steps(per_step))
-    outputs = int(np.bincount(own // kept).max())
-    s = make_room(system, method.step, 1, per_step * kept + march.n_projected * outputs)
+    output, per_step = march.locate_output(method.step), 4 * march.n_kept + 2 * march.n_projected
+    n_steps, kept, projected = march.divide(output, per_step)
+    s = make_room(system, method.step, 1, per_step * kept + projected)
     m = method.make_steps(system.stiffness, 0.0, method.start(system, march.q0, march.v0))
     r = _StagesBack(
         begin=np.zeros((kept, 2, n)),
-        times=march.times,
-        step=own,
-        offset=offset,
-        by_q=march.by_q,
-        by_v=march.by_v,
-        left=np.array([len(own)]),
+        output=output,
         **{name: np.zeros(n) for name in ("q", "v", "dq", "dv", "a", "of_begin_q", "of_begin_v")},
         **{name: np.zeros(n) for name in ("of_stage_q", "of_stage_v")},
         dN=np.zeros((4, n)),
     )
-    begins: list[tuple[Array, Array]] = []
-    for first in range(0, n_steps, kept):
-        begins.append((m.q.copy(), m.v.copy()))
-        _take_steps(m, p, r, first, min(kept, n_steps - first))
-    for number, (q, v) in reversed([*enumerate(begins)]):
-        first, count = number * kept, min(kept, n_steps - number * kept)
-        if number < len(begins) - 1:
-            m.q[:], m.v[:] = q, v
-            _take_steps(m, p, r, first, count)
+
+    def keep(state: Array, first: int, count: int) -> None:
+        m.q[:], m.v[:] = state
+        _take_steps(m, p, r, first, count)
+        state[:] = m.q, m.v
+
+    for first, count in sections_back(n_steps, kept, np.array([m.q, m.v]), keep):
         _take_back(m, p, s, r, first, count)
         sums.take(s.known)
     return s.dq, s.dv, float(s.left[0])

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.newton import STALLED, STEP_ITERATIONS
 from fmd.core.limits.round_off import EXACT, SUMMED
@@ -25,8 +25,8 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
 )
 from fmd.dynamics.compiled_system.tangent_kernels import copy
 from fmd.dynamics.system import accelerations, advance
-from fmd.integrators.adjoint import Sums, WeightedMarch, make_room, take_back
-from fmd.integrators.fixed_step import locate_samples, take_steps
+from fmd.integrators.adjoint import Output, Sums, WeightedMarch, has_next, make_room, sections_back, take_back
+from fmd.integrators.fixed_step import take_steps
 from fmd.integrators.generalized_alpha import (
     GeneralizedAlpha,
     NewmarkSteps,
@@ -52,12 +52,7 @@ class _NewmarkBack(Table):
     v: Array  # (n_kept, n)
     a: Array  # (n_kept, 2 n): auxiliary and true accelerations
     new: Array  # (n_kept, n): true ones at its end
-    t: Array  # (n_times,): output times [s], the step that each is in, and the time since its begin [s]
-    step: IntArray
-    offset: Array
-    by_q: Array  # (n_times, n_positions)
-    by_v: Array  # (n_times, n)
-    left: IntArray  # (1,): output times that are still to come, from the last one back
+    output: Output
     matrix: Array  # (n, n): factors of that of the corrections
     valid: Array  # (1,): 1 while it serves, 2 if it is this step's own
     da: Array  # (2 n,): derivatives by accelerations, those by positions and rates being in `StepsBack`
@@ -108,17 +103,17 @@ def _set_end(b: _NewmarkBack, p: Any, k: int, new: Array) -> None:
 @inner
 def _add_output(b: _NewmarkBack, p: Any, s: StepsBack, number: int, k: int) -> None:
     """Add what an output has of its step's begin and of the accelerations at both ends: its cubic, projected."""
-    n, ahead = b.new.shape[1], b.offset[number]
+    n, ahead = b.new.shape[1], b.output.offset[number]
     x = ahead / b.h
     for i in range(n):
         true, rise = b.a[k, n + i], b.new[k, i] - b.a[k, n + i]
         b.v_end[i] = b.v[k, i] + ahead * (true + 0.5 * x * rise)
         b.mean[i] = b.v[k, i] + ahead * (0.5 * true + x * rise / 6.0)
-        b.dv[i], b.by_mean[i] = b.by_v[number, i], 0.0
+        b.dv[i], b.by_mean[i] = b.output.by_v[number, i], 0.0
     copy(b.q[k], b.q_end)
-    copy(b.by_q[number], b.dq)
+    copy(b.output.by_q[number], b.dq)
     advance(p, b.q_end, b.mean, ahead, 0, n)
-    project_back(p, s, b.t[number], b.q_end, b.v_end, b.dq, b.dv)
+    project_back(p, s, b.output.t[number], b.q_end, b.v_end, b.dq, b.dv)
     advance_back(p, b.q[k], b.mean, ahead, b.dq, b.by_mean)
     for i in range(b.dq.size):
         b.of_q[i] += b.dq[i]
@@ -205,9 +200,9 @@ def _take_steps_back(b: _NewmarkBack, p: Any, s: StepsBack, first: int, count: i
             b.of_q[i] = 0.0
         for i in range(n):
             b.of_new[i], b.of_v[i], b.of_a[i] = b.da[n + i], 0.0, 0.0
-        while b.left[0] > 0 and b.step[b.left[0] - 1] == first + k:
-            b.left[0] -= 1
-            _add_output(b, p, s, b.left[0], k)
+        while has_next(b.output, first + k):
+            b.output.left[0] -= 1
+            _add_output(b, p, s, b.output.left[0], k)
         copy(b.new[k], b.room)
         _set_end(b, p, k, b.room)
         project_back(p, s, t, b.q_end, b.v_end, s.dq, s.dv)
@@ -243,31 +238,20 @@ def _take_start_back(b: _NewmarkBack, p: Any, s: StepsBack, q: Array, v: Array, 
 
 @take_back.register
 def _take_march_back(method: GeneralizedAlpha, march: WeightedMarch, sums: Sums) -> tuple[Array, Array, float]:
-    system, times = march.system, march.times
-    own, offset = locate_samples(times, method.step)
-    n_steps, per_step = int(own[-1]) + 1, march.n_kept + march.n_projected
-    kept = min(n_steps, march.count_kept_steps(per_step))
-    outputs = int(np.bincount(own // kept).max())
-    s = make_room(system, method.step, 1, per_step * kept + march.n_projected * outputs + 2 * march.n_kept)
-    b = _make_back(method, march, kept, own, offset)
+    system, per_step, output = march.system, march.n_kept + march.n_projected, march.locate_output(method.step)
+    n_steps, kept, projected = march.divide(output, per_step)
+    s = make_room(system, method.step, 1, per_step * kept + projected + 2 * march.n_kept)
+    b = _make_back(method, march, kept, output)
     p, state, counts = march.parameters, method.start(system, march.q0, march.v0), np.array([0.0, np.nan])
     start = [np.array(x) for x in (march.q0, march.v0, state.a[: system.n])]
-    begins = list[State]()
 
-    def keep(state: State, first: int) -> None:
-        count = min(kept, n_steps - first)
+    def keep(state: State, first: int, count: int) -> None:
         done = _keep_steps(method.steps(system, counts, state), p, b, first, count)
         if done < count:
             at = f"t = {(first + done) * method.step:.6g} s"
             raise AccuracyError(f"{method.name}: the step at {at} was not found; take a smaller step")
 
-    for first in range(0, n_steps, kept):
-        begins.append(state.copy())
-        keep(state, first)
-    for number, begin in reversed([*enumerate(begins)]):
-        first, count = number * kept, min(kept, n_steps - number * kept)
-        if number < len(begins) - 1:
-            keep(begin, first)
+    for first, count in sections_back(n_steps, kept, state, keep):
         _take_steps_back(b, p, s, first, count)
         sums.take(s.known)
     _take_start_back(b, p, s, *start)
@@ -275,7 +259,7 @@ def _take_march_back(method: GeneralizedAlpha, march: WeightedMarch, sums: Sums)
     return s.dq, s.dv, float(s.left[0])
 
 
-def _make_back(method: GeneralizedAlpha, march: WeightedMarch, kept: int, own: IntArray, offset: Array) -> _NewmarkBack:
+def _make_back(method: GeneralizedAlpha, march: WeightedMarch, kept: int, output: Output) -> _NewmarkBack:
     """Return room for so many steps."""
     n, n_positions = march.system.n, march.system.n_positions
     moving = ["of_new", "of_v", "of_a", "weights", "rest", "kept_weights", "kept_rest"]
@@ -291,12 +275,7 @@ def _make_back(method: GeneralizedAlpha, march: WeightedMarch, kept: int, own: I
         v=np.zeros((kept, n)),
         a=np.zeros((kept, 2 * n)),
         new=np.zeros((kept, n)),
-        t=march.times,
-        step=own,
-        offset=offset,
-        by_q=march.by_q,
-        by_v=march.by_v,
-        left=np.array([len(march.times)]),
+        output=output,
         matrix=np.zeros((n, n)),
         valid=np.zeros(1),
         da=np.zeros(2 * n),

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array
 from fmd.core.limits.memory import MOST_BEGINS_KEPT
 from fmd.dynamics.compiled_system.adjoint_kernels import (
     StepsBack,
@@ -26,7 +26,7 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
 from fmd.dynamics.system import accelerations, advance, velocities
 from fmd.integrators import dop853
 from fmd.integrators.adaptive import begin_steps, march_steps, require_steps
-from fmd.integrators.adjoint import NotTakenBackError, Sums, WeightedMarch, make_room, take_back
+from fmd.integrators.adjoint import NotTakenBackError, Output, Sums, WeightedMarch, has_next, make_room, take_back
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.integrators.step_control import just_after, just_before
 from fmd.kernels.kernel import inner, kernel
@@ -44,12 +44,8 @@ class _StagesBack(Table):
     t: Array  # (n_steps,): begins of steps, and their lengths [s]
     h: Array
     begin: Array  # (n_steps, n_positions + n)
-    times: Array  # (n_times,): output times [s], the step that each is in, and weights of the slopes there
-    step: IntArray
-    slopes: Array  # (n_times, 16)
-    by_q: Array  # (n_times, n_positions)
-    by_v: Array  # (n_times, n)
-    left: IntArray  # (1,): output times that are still to come, from the last one back
+    output: Output
+    slopes: Array  # (n_times, 16): weights of the slopes at its times
     u: Array  # (16, n_positions + n): states at the stages
     K: Array  # (16, n_positions + n): slopes there, and the sum's derivatives by them
     dK: Array
@@ -133,8 +129,7 @@ def _take_steps_back(r: _StagesBack, p: Any, s: StepsBack, first: int, count: in
     n_positions, n = r.q.size, r.v.size
     for back in range(count):
         k = first + count - 1 - back
-        has_output = r.left[0] > 0 and r.step[r.left[0] - 1] == k
-        used = _STAGES if has_output else _OF_END
+        used = _STAGES if has_next(r.output, k) else _OF_END
         _evaluate_stages(r, p, k, used)
         for i in range(n_positions):
             r.dq[i], s.dq[i] = s.dq[i], 0.0
@@ -143,15 +138,15 @@ def _take_steps_back(r: _StagesBack, p: Any, s: StepsBack, first: int, count: in
         _combine(r, k, r.A[_OF_END], r.state)
         _settle_back(r, p, s, r.t[k] + r.h[k])
         _spread(r, s, k, r.A[_OF_END])
-        while r.left[0] > 0 and r.step[r.left[0] - 1] == k:
-            r.left[0] -= 1
-            at = r.left[0]
+        while has_next(r.output, k):
+            r.output.left[0] -= 1
+            at = r.output.left[0]
             for i in range(n_positions):
-                r.dq[i] = r.by_q[at, i]
+                r.dq[i] = r.output.by_q[at, i]
             for i in range(n):
-                r.dv[i] = r.by_v[at, i]
+                r.dv[i] = r.output.by_v[at, i]
             _combine(r, k, r.slopes[at], r.state)
-            _settle_back(r, p, s, r.times[at])
+            _settle_back(r, p, s, r.output.t[at])
             _spread(r, s, k, r.slopes[at])
         if s.none.size > 0:  # projections have chosen constraints of their own
             choose_constraints_anew(p)
@@ -214,10 +209,9 @@ def _take_march_back(method: RungeKutta, march: WeightedMarch, sums: Sums) -> tu
     system, times = march.system, march.times
     t, h, begin = _record_steps(method, march)
     own = np.searchsorted(t[1:], times)
-    per_step = _STAGES * march.n_kept + march.n_projected
-    kept = min(len(h), march.count_kept_steps(per_step))
-    outputs = int(np.bincount(own // kept).max())
-    s = make_room(system, math.nan, 1, per_step * kept + march.n_projected * outputs)
+    output, per_step = march.output_in(own, times - t[own]), _STAGES * march.n_kept + march.n_projected
+    n_steps, kept, projected = march.divide(output, per_step)
+    s = make_room(system, math.nan, 1, per_step * kept + projected)
     n_positions, n, n_all = system.n_positions, system.n, begin.shape[1]
     ends = t[own + 1]
     r = _StagesBack(
@@ -226,17 +220,13 @@ def _take_march_back(method: RungeKutta, march: WeightedMarch, sums: Sums) -> tu
         t=t,
         h=h,
         begin=begin,
-        times=times,
-        step=own,
-        slopes=_slopes_at(np.where(times < ends, (times - t[own]) / h[own], 1.0)),
-        by_q=march.by_q,
-        by_v=march.by_v,
-        left=np.array([len(times)]),
+        output=output,
+        slopes=_slopes_at(np.where(times < ends, output.offset / h[own], 1.0)),
         **{name: np.zeros((_STAGES, n_all)) for name in ("u", "K", "dK")},
         **{name: np.zeros(size) for name, size in (("state", n_all), ("q", n_positions), ("dq", n_positions))},
         **{name: np.zeros(n) for name in ("v", "dv", "none")},
     )
-    for first in reversed(range(0, len(h), kept)):
-        _take_steps_back(r, march.parameters, s, first, min(kept, len(h) - first))
+    for first in reversed(range(0, n_steps, kept)):
+        _take_steps_back(r, march.parameters, s, first, min(kept, n_steps - first))
         sums.take(s.known)
     return s.dq, s.dv, float(s.left[0])

@@ -26,9 +26,9 @@ from fmd.dynamics.compiled_system.parameters import CompiledParameters, FrozenCy
 from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, copy, take_state
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, fast_steps, freeze_slow, velocities
-from fmd.integrators.adjoint import Sums, WeightedMarch, make_room, take_back
+from fmd.integrators.adjoint import Output, Sums, WeightedMarch, has_next, make_room, sections_back, take_back
 from fmd.integrators.central_difference import CentralDifference
-from fmd.integrators.fixed_step import locate_samples
+from fmd.integrators.protocol import State
 from fmd.integrators.subcycling import Subcycling
 from fmd.kernels.kernel import inlined, inner, kernel
 from fmd.kernels.table import Table
@@ -52,12 +52,7 @@ class _Cycles(Table):
     along_q: Array
     along_v: Array
     along_a: Array
-    t: Array  # (n_times,): output times [s]
-    step: IntArray  # (n_times,): fast step that each is in
-    offset: Array  # (n_times,): and the time since its begin [s]
-    by_q: Array  # (n_times, n_positions): weights of positions, and (n_times, n) of rates
-    by_v: Array
-    left: IntArray  # (1,): output times that are still to come, from the last one back
+    output: Output
     dq: Array  # (n_positions,): derivatives by a cycle's begin, of what follows from it but for its accelerations
     dv: Array  # (n,)
     da: Array  # (n,): by its accelerations
@@ -134,9 +129,9 @@ def _take_cycles_back(p: CompiledParameters, s: StepsBack, c: _Cycles, first: in
         for later in range(m):
             j = m - 1 - later
             _clear(c.later)
-            while c.left[0] > 0 and c.step[c.left[0] - 1] == (first + k) * m + j:
-                c.left[0] -= 1
-                _add_output(p, s, c, c.left[0], k, j)
+            while has_next(c.output, (first + k) * m + j):
+                c.output.left[0] -= 1
+                _add_output(p, s, c, c.output.left[0], k, j)
             for i in range(c.n_slow, s.dv.size):
                 s.dv[i] += s.h * s.dq[i + offset]
                 s.da[i] += s.h * s.dv[i]
@@ -170,10 +165,10 @@ def _begin_back(p: CompiledParameters, s: StepsBack, c: _Cycles, number: int, k:
 @inner
 def _add_output(p: CompiledParameters, s: StepsBack, c: _Cycles, number: int, k: int, j: int) -> None:
     """Add what an output has of its fast step, and of its cycle: Taylor's polynomials."""
-    H, ahead, offset = c.q.shape[1] * s.h, c.offset[number], s.dq.size - s.dv.size
+    H, ahead, offset = c.q.shape[1] * s.h, c.output.offset[number], s.dq.size - s.dv.size
     since = ahead + j * s.h
     for i in range(s.dq.size):
-        c.room_q[i] = c.by_q[number, i] if i < c.n_slow + offset else 0.0
+        c.room_q[i] = c.output.by_q[number, i] if i < c.n_slow + offset else 0.0
     for i in range(s.dv.size):
         c.room_v[i] = 0.0
         c.rate[i] = s.ahead[k, i] - 0.5 * (H - since) * s.a[k, i] if i < c.n_slow else 0.0
@@ -183,11 +178,11 @@ def _add_output(p: CompiledParameters, s: StepsBack, c: _Cycles, number: int, k:
     for i in range(s.dv.size):
         along, step, past = c.room_v[i], H, since
         if i >= c.n_slow:
-            along, step, past = ahead * c.by_q[number, i + offset], s.h, ahead
-            c.later[i + offset] += c.by_q[number, i + offset]
-        along += c.by_v[number, i]
+            along, step, past = ahead * c.output.by_q[number, i + offset], s.h, ahead
+            c.later[i + offset] += c.output.by_q[number, i + offset]
+        along += c.output.by_v[number, i]
         s.dv[i] += along
-        s.da[i] += 0.5 * (past - step) * along + 0.5 * past * c.by_v[number, i]
+        s.da[i] += 0.5 * (past - step) * along + 0.5 * past * c.output.by_v[number, i]
 
 
 @inner
@@ -320,20 +315,17 @@ def _take_march_back(method: Subcycling, march: WeightedMarch, sums: Sums) -> tu
     if method.substeps == 1:
         return take_back(CentralDifference(method.step), march, sums)
     system, h, m, p = march.system, method.step, method.substeps, march.parameters
-    own, _ = located = locate_samples(march.times, h)
-    n_cycles = int(own[-1]) // m + 1
+    output = march.locate_output(h)
+    n_cycles = int(output.step[-1]) // m + 1
     kept = min(n_cycles, march.count_kept_steps(8 * m))
     s, state = make_room(system, h, kept, max(2, kept * m)), method.start(system, march.q0, march.v0)
-    c = _make_cycles(method, march, located, kept)
+    c = _make_cycles(method, march, output, kept)
     lanes = _Lanes(np.zeros(2), *(np.zeros((size, LANES)) for size in _sizes(march)))
-    begins = []
-    for first in range(0, n_cycles, kept):
-        begins.append(state.copy())
-        _take_cycles(p, s, c, state.q, state.v, state.a, first, min(kept, n_cycles - first))
-    for number, begin in reversed([*enumerate(begins)]):
-        first, count = number * kept, min(kept, n_cycles - number * kept)
-        if number < len(begins) - 1:
-            _take_cycles(p, s, c, begin.q, begin.v, begin.a, first, count)
+
+    def keep(state: State, first: int, count: int) -> None:
+        _take_cycles(p, s, c, state.q, state.v, state.a, first, count)
+
+    for first, count in sections_back(n_cycles, kept, state, keep):
         _take_cycles_back(p, s, c, first, count)
         sums.take(s.known)
         for table, addresses, found in sums.beside("tangents"):
@@ -350,7 +342,7 @@ def _sizes(march: WeightedMarch) -> tuple[int, int, int, int]:
     return march.parameters.inputs.size, system.n_positions, system.n, system.n
 
 
-def _make_cycles(method: Subcycling, march: WeightedMarch, located: tuple[IntArray, Array], kept: int) -> _Cycles:
+def _make_cycles(method: Subcycling, march: WeightedMarch, output: Output, kept: int) -> _Cycles:
     system, m = march.system, method.substeps
     frozen = system.frozen(m * method.step)
     assert isinstance(frozen, FrozenCycle)
@@ -369,12 +361,7 @@ def _make_cycles(method: Subcycling, march: WeightedMarch, located: tuple[IntArr
         n_varying=3 * len(system.compiled.signals),
         lag=method.lag(system),
         x=np.zeros((kept, m, system.n)),
-        t=march.times,
-        step=located[0],
-        offset=located[1],
-        by_q=march.by_q,
-        by_v=march.by_v,
-        left=np.array([len(march.times)]),
+        output=output,
         f=np.zeros((system.n, LANES)),
         y=np.zeros((system.n, LANES)),
         **room,

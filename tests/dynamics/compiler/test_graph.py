@@ -8,11 +8,11 @@ import pytest
 from scipy.linalg import expm
 
 from fmd.core.arrays import Array
+from fmd.dynamics.compiler.adjoints import differentiate_sum
 from fmd.dynamics.compiler.algebra import constants, factor_symmetric, times
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.functions import SERIES_LIMITS, evaluate_function
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
-from fmd.dynamics.compiler.reverse import differentiate_sum
 from tests.dynamics.compiler.comparison import interpret
 
 RNG = np.random.default_rng(3)
