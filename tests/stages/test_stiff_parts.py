@@ -7,7 +7,7 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.core.errors import InputError, StabilityError
-from fmd.dynamics.vibration import find_fastest_part
+from fmd.dynamics.compiled_system.reference_state import find_fastest_part
 from fmd.integrators.endless import StepsLeft
 from fmd.stages.mechanism import place_joints
 from fmd.stages.stiffening_check import rigid_motion

@@ -40,7 +40,7 @@ class NotTakenBackError(AccuracyError):
 
 
 @dataclass(frozen=True)
-class Output(Table):
+class WeightedOutput(Table):
     """Weights of a march's output, which is taken from the last output time back."""
 
     t: Array  # (n_times,): output times [s], the step that each is in, and the time since its begin [s]
@@ -52,7 +52,7 @@ class Output(Table):
 
 
 @inlined
-def has_next(output: Output, step: int) -> bool:
+def has_next(output: WeightedOutput, step: int) -> bool:
     """Tell whether the last output time that is left is in a step."""
     last = int(output.left[0]) - 1
     return last >= 0 and int(output.step[last]) == step
@@ -85,15 +85,15 @@ class WeightedMarch:
         widest = max(self.system.n_positions, self.parameters.inputs.size)
         return max(1, MOST_STEPS_KEPT // (per_step * widest))
 
-    def locate_output(self, step: float) -> Output:
+    def locate_output(self, step: float) -> WeightedOutput:
         """Return the output by steps [s]."""
         return self.output_in(*locate_samples(self.times, step))
 
-    def output_in(self, steps: IntArray, offset: Array) -> Output:
+    def output_in(self, steps: IntArray, offset: Array) -> WeightedOutput:
         """Return the output by the steps that it is in (n_times,), and the times since their begins (n_times,) [s]."""
-        return Output(self.times, steps, offset, self.by_q, self.by_v, np.array([len(self.times)]))
+        return WeightedOutput(self.times, steps, offset, self.by_q, self.by_v, np.array([len(self.times)]))
 
-    def divide(self, output: Output, per_step: int) -> tuple[int, int, int]:
+    def divide(self, output: WeightedOutput, per_step: int) -> tuple[int, int, int]:
         """Return numbers of steps, of those in a section, and of evaluations that projections of its output are."""
         n_steps = int(output.step[-1]) + 1
         kept = min(n_steps, self.count_kept_steps(per_step))

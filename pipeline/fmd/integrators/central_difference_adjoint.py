@@ -19,7 +19,7 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
 )
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.system import advance
-from fmd.integrators.adjoint import Output, Sums, WeightedMarch, has_next, make_room, sections_back, take_back
+from fmd.integrators.adjoint import Sums, WeightedMarch, WeightedOutput, has_next, make_room, sections_back, take_back
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import State
 from fmd.kernels.kernel import inlined, kernel
@@ -30,7 +30,7 @@ from fmd.kernels.table import Table
 class _Output(Table):
     """A march's output, and derivatives by a step's begin of what is in it."""
 
-    of: Output
+    of: WeightedOutput
     q: Array  # (n_positions,): the output itself
     v: Array  # (n,)
     dq: Array  # (n_positions,): its derivatives

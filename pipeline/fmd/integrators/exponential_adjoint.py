@@ -19,7 +19,7 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
     project_back,
 )
 from fmd.dynamics.system import accelerations
-from fmd.integrators.adjoint import Output, Sums, WeightedMarch, has_next, make_room, sections_back, take_back
+from fmd.integrators.adjoint import Sums, WeightedMarch, WeightedOutput, has_next, make_room, sections_back, take_back
 from fmd.integrators.exponential import Exponential, ExponentialSteps, fill_functions, move_oscillator, take_step
 from fmd.kernels.kernel import inner, kernel
 from fmd.kernels.table import Table
@@ -30,7 +30,7 @@ class _StagesBack(Table):
     """Begins of a section's steps, the march's output, and weights in a step."""
 
     begin: Array  # (n_kept, 2, n): positions and rates
-    output: Output
+    output: WeightedOutput
     q: Array  # (n,): a state, weights of it, and accelerations there
     v: Array
     dq: Array

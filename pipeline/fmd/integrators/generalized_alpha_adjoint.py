@@ -25,7 +25,7 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
 )
 from fmd.dynamics.compiled_system.tangent_kernels import copy
 from fmd.dynamics.system import accelerations, advance
-from fmd.integrators.adjoint import Output, Sums, WeightedMarch, has_next, make_room, sections_back, take_back
+from fmd.integrators.adjoint import Sums, WeightedMarch, WeightedOutput, has_next, make_room, sections_back, take_back
 from fmd.integrators.fixed_step import take_steps
 from fmd.integrators.generalized_alpha import (
     GeneralizedAlpha,
@@ -52,7 +52,7 @@ class _NewmarkBack(Table):
     v: Array  # (n_kept, n)
     a: Array  # (n_kept, 2 n): auxiliary and true accelerations
     new: Array  # (n_kept, n): true ones at its end
-    output: Output
+    output: WeightedOutput
     matrix: Array  # (n, n): factors of that of the corrections
     valid: Array  # (1,): 1 while it serves, 2 if it is this step's own
     da: Array  # (2 n,): derivatives by accelerations, those by positions and rates being in `StepsBack`
@@ -259,7 +259,7 @@ def _take_march_back(method: GeneralizedAlpha, march: WeightedMarch, sums: Sums)
     return s.dq, s.dv, float(s.left[0])
 
 
-def _make_back(method: GeneralizedAlpha, march: WeightedMarch, kept: int, output: Output) -> _NewmarkBack:
+def _make_back(method: GeneralizedAlpha, march: WeightedMarch, kept: int, output: WeightedOutput) -> _NewmarkBack:
     """Return room for so many steps."""
     n, n_positions = march.system.n, march.system.n_positions
     moving = ["of_new", "of_v", "of_a", "weights", "rest", "kept_weights", "kept_rest"]

@@ -26,7 +26,15 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
 from fmd.dynamics.system import accelerations, advance, velocities
 from fmd.integrators import dop853
 from fmd.integrators.adaptive import begin_steps, march_steps, require_steps
-from fmd.integrators.adjoint import NotTakenBackError, Output, Sums, WeightedMarch, has_next, make_room, take_back
+from fmd.integrators.adjoint import (
+    NotTakenBackError,
+    Sums,
+    WeightedMarch,
+    WeightedOutput,
+    has_next,
+    make_room,
+    take_back,
+)
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.integrators.step_control import just_after, just_before
 from fmd.kernels.kernel import inner, kernel
@@ -44,7 +52,7 @@ class _StagesBack(Table):
     t: Array  # (n_steps,): begins of steps, and their lengths [s]
     h: Array
     begin: Array  # (n_steps, n_positions + n)
-    output: Output
+    output: WeightedOutput
     slopes: Array  # (n_times, 16): weights of the slopes at its times
     u: Array  # (16, n_positions + n): states at the stages
     K: Array  # (16, n_positions + n): slopes there, and the sum's derivatives by them

@@ -26,7 +26,7 @@ from fmd.dynamics.compiled_system.parameters import CompiledParameters, FrozenCy
 from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, copy, take_state
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, fast_steps, freeze_slow, velocities
-from fmd.integrators.adjoint import Output, Sums, WeightedMarch, has_next, make_room, sections_back, take_back
+from fmd.integrators.adjoint import Sums, WeightedMarch, WeightedOutput, has_next, make_room, sections_back, take_back
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import State
 from fmd.integrators.subcycling import Subcycling
@@ -52,7 +52,7 @@ class _Cycles(Table):
     along_q: Array
     along_v: Array
     along_a: Array
-    output: Output
+    output: WeightedOutput
     dq: Array  # (n_positions,): derivatives by a cycle's begin, of what follows from it but for its accelerations
     dv: Array  # (n,)
     da: Array  # (n,): by its accelerations
@@ -342,7 +342,7 @@ def _sizes(march: WeightedMarch) -> tuple[int, int, int, int]:
     return march.parameters.inputs.size, system.n_positions, system.n, system.n
 
 
-def _make_cycles(method: Subcycling, march: WeightedMarch, output: Output, kept: int) -> _Cycles:
+def _make_cycles(method: Subcycling, march: WeightedMarch, output: WeightedOutput, kept: int) -> _Cycles:
     system, m = march.system, method.substeps
     frozen = system.frozen(m * method.step)
     assert isinstance(frozen, FrozenCycle)

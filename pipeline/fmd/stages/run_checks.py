@@ -13,7 +13,7 @@ from fmd.core.limits.mechanism import NO_INERTIA
 from fmd.core.limits.memory import ALWAYS_FIT, FINE_RUNS, NUMBERS_OF_BODY, NUMBERS_OF_COORDINATE
 from fmd.core.limits.stepping import MANY_RADIANS, MOST_STEPS
 from fmd.core.memory import available_memory
-from fmd.dynamics.vibration import find_fastest_part
+from fmd.dynamics.compiled_system.reference_state import find_fastest_part
 from fmd.integrators.protocol import Integrator, evaluate
 from fmd.integrators.work_bounds import round_down
 from fmd.scene.runs import name_methods
