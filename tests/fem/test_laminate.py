@@ -1,5 +1,8 @@
 """Laminates: plates of three-dimensional elasticity, coupling of bending and stretch, turned axes, isotropic stacks."""
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh, expm, null_space
@@ -21,6 +24,7 @@ from fmd.reduction.eigen import FreeBodySolver
 from tests.fem.sheets import ShellProblem, shell_mesh, unit_grid
 
 CARBON = Lamina(25e9, 1e9, 0.25, 0.5e9, 0.5e9, 0.2e9, 1500.0)  # Pagano's, E2 = 1 GPa
+CORE = Lamina(0.04e9, 0.04e9, 0.25, 0.016e9, 0.06e9, 0.06e9, 100.0)  # of his sandwich
 ALUMINIUM = Material(70e9, 0.3, 2700.0)
 both = pytest.mark.parametrize("element", ["quadrilateral", "triangle"])
 
@@ -64,41 +68,82 @@ class QuarterPlate(ShellProblem):
         return float(eigh(K, M, eigvals_only=True, subset_by_index=[0, 0])[0] ** 0.5)
 
 
-def three_dimensional(lamina: Lamina) -> Array:
-    """Return the stiffness (3, 3) of stretches 11, 22, 33 of a ply alike across its fibres, contracting by 0.25."""
+class Elastic(NamedTuple):
+    """A ply of three-dimensional elasticity along its plate's axes."""
+
+    C: Array  # (3, 3): stiffness of stretches xx, yy, zz
+    G: Array  # (3,): shear moduli xz, yz, xy
+    thickness: float
+
+
+def elastic(lamina: Lamina, thickness: float, turned: bool = False, E3: float | None = None) -> Elastic:
+    """Return a ply whose contractions 12, 13, 23 of a pull along 1 or 2 are 0.25, with E3 = E2 by default.
+
+    With a given E3 it is the pull along 3 that contracts by 0.25, as Pagano's core has it.
+    """
     E1, E2, nu = lamina.E1, lamina.E2, 0.25
-    return np.linalg.inv([[1 / E1, -nu / E1, -nu / E1], [-nu / E1, 1 / E2, -nu / E2], [-nu / E1, -nu / E2, 1 / E2]])
+    third = [-nu / E1, -nu / E2] if E3 is None else [-nu / E3, -nu / E3]
+    C = np.linalg.inv([[1 / E1, -nu / E1, third[0]], [-nu / E1, 1 / E2, third[1]], [*third, 1 / (E3 or E2)]])
+    order = [1, 0, 2] if turned else [0, 1, 2]
+    return Elastic(C[np.ix_(order, order)], np.array([lamina.G13, lamina.G23, lamina.G12])[order], thickness)
 
 
-def elasticity(lamina: Lamina, h: float, degrees: tuple[int, ...], square: float = 0.0) -> Array:
+def crossed(lamina: Lamina, h: float, degrees: tuple[int, ...]) -> list[Elastic]:
+    """Return plies of one material and thickness at 0 or 90 degrees, h thick together."""
+    return [elastic(lamina, h / len(degrees), bool(turned)) for turned in degrees]
+
+
+def elasticity(plies: Sequence[Elastic], square: float = 0.0) -> Array:
     """Return P (6, 6) from the lower to the upper face of a plate of unit side in three-dimensional elasticity.
 
-    States are amplitudes of u, v, w, σzz, τxz, τyz over a half sine each way (Pagano, J Compos Mater 4, 1970); plies
-    are `three_dimensional`. ``square`` is density times squared frequency.
+    States are amplitudes of u, v, w, σzz, τxz, τyz over a half sine each way (Pagano, J Compos Mater 4, 1970).
+    ``square`` is density times squared frequency.
     """
-    C, a, P = three_dimensional(lamina), np.pi, np.eye(6)
-    for turned in degrees:
-        order = [1, 0, 2] if turned else [0, 1, 2]
-        c, (Gx, Gy) = C[np.ix_(order, order)], np.array([lamina.G13, lamina.G23])[order[:2]]
-        plane = c[:2, :2] - np.outer(c[:2, 2], c[2, :2]) / c[2, 2] + lamina.G12 * (1 - np.eye(2))
+    a, P = np.pi, np.eye(6)
+    for c, (Gx, Gy, G12), thickness in plies:
+        plane = c[:2, :2] - np.outer(c[:2, 2], c[2, :2]) / c[2, 2] + G12 * (1 - np.eye(2))
         M = np.zeros((6, 6))
         M[[0, 1], 2], M[0, 4], M[1, 5] = -a, 1 / Gx, 1 / Gy
         M[2, :2], M[2, 3], M[3, 2], M[3, 4:] = a * c[:2, 2] / c[2, 2], 1 / c[2, 2], -square, a
-        M[4:, :2] = a**2 * (plane + lamina.G12 * np.eye(2)) - square * np.eye(2)
+        M[4:, :2] = a**2 * (plane + G12 * np.eye(2)) - square * np.eye(2)
         M[4:, 3] = -a * c[:2, 2] / c[2, 2]
-        P = expm(M * h / len(degrees)) @ P
+        P = expm(M * thickness) @ P
     return np.asarray(P)
 
 
-def elastic_stress(lamina: Lamina, h: float, degrees: tuple[int, ...], ply: int) -> dict[str, float]:
+def elastic_stress(plies: Sequence[Elastic], ply: int) -> dict[str, float]:
     """Return amplitudes of stress at the upper face of a ply, under a load of 1 on one face of the plate."""
-    lower = np.linalg.solve(elasticity(lamina, h, degrees)[3:, :3], [1.0, 0.0, 0.0])
-    below = degrees[: ply + 1]
-    u, v, _, zz, xz, yz = elasticity(lamina, h * len(below) / len(degrees), below)[:, :3] @ lower
-    order = [1, 0, 2] if degrees[ply] else [0, 1, 2]
-    c, stretch = three_dimensional(lamina)[np.ix_(order, order)], -np.pi * np.array([u, v])
+    lower = np.linalg.solve(elasticity(plies)[3:, :3], [1.0, 0.0, 0.0])
+    u, v, _, zz, xz, yz = elasticity(plies[: ply + 1])[:, :3] @ lower
+    c, stretch = plies[ply].C, -np.pi * np.array([u, v])
     plane = c[:2, :2] @ stretch + c[:2, 2] * (zz - c[2, :2] @ stretch) / c[2, 2]
-    return {"xx": plane[0], "yy": plane[1], "xy": lamina.G12 * np.pi * (u + v), "xz": xz, "yz": yz}
+    return {"xx": plane[0], "yy": plane[1], "xy": plies[ply].G[2] * np.pi * (u + v), "xz": xz, "yz": yz}
+
+
+def sandwich(h: float) -> list[Elastic]:
+    """Return Pagano's sandwich, faces of a tenth of the thickness, with its core in two halves."""
+    faces, core = [elastic(CARBON, 0.1 * h)], elastic(CORE, 0.4 * h, E3=0.5e9)
+    return [*faces, core, core, *faces]
+
+
+@pytest.mark.parametrize(
+    ("plies", "ratio", "published"),
+    [  # square plates: σxx at the face, σyy, σxy there, over (a/h)², τxz and τyz in the middle over a/h
+        ("0/90/0", 4, (0.801, 0.534, 0.0511, 0.256, 0.2172)),
+        ("0/90/0", 10, (0.590, 0.285, 0.0289, 0.357, 0.1228)),
+        ("0/90/0", 100, (0.539, 0.181, 0.0213, 0.395, 0.0828)),
+        ("sandwich", 4, (1.556, 0.2595, 0.1437, 0.239, 0.1072)),
+        ("sandwich", 10, (1.153, 0.1104, 0.0707, 0.300, 0.0527)),
+    ],
+)
+def test_elasticity_has_paganos_published_stress(plies: str, ratio: int, published: tuple[float, ...]) -> None:
+    """Tables of Pagano (1970); σyy of 0/90/0 is at the upper face of the middle ply."""
+    h = 1 / ratio
+    laid = sandwich(h) if plies == "sandwich" else crossed(CARBON, h, (0, 0, 90, 90, 0, 0))
+    face, middle = (elastic_stress(laid, ply) for ply in (len(laid) - 1, len(laid) // 2 - 1))
+    across = face["yy"] if plies == "sandwich" else elastic_stress(laid, 3)["yy"]
+    found = [face["xx"] * h**2, across * h**2, face["xy"] * h**2, middle["xz"] * h, middle["yz"] * h]
+    assert np.abs(found) == pytest.approx(published, rel=2e-3, abs=1e-4)
 
 
 @pytest.mark.parametrize(("ratio", "within"), [(4, 0.085), (10, 0.015), (20, 0.01), (100, 0.01)])
@@ -106,8 +151,8 @@ def test_a_cross_ply_plate_bends_as_in_three_dimensional_elasticity(ratio: float
     """Deflection of the middle surface; transverse shear corrected by 5/6 leaves it 10 % too small at 10."""
     plate = QuarterPlate(8, stack(CARBON, 1 / ratio, 0, 90, 90, 0))
     w = plate.bend()[plate.n_points :, 2].max()
-    lower = np.linalg.solve(elasticity(CARBON, 1 / ratio, (0, 90, 90, 0))[3:, :3], [1.0, 0.0, 0.0])
-    middle = elasticity(CARBON, 0.5 / ratio, (0, 90))[:, :3] @ lower
+    lower = np.linalg.solve(elasticity(crossed(CARBON, 1 / ratio, (0, 90, 90, 0)))[3:, :3], [1.0, 0.0, 0.0])
+    middle = elasticity(crossed(CARBON, 0.5 / ratio, (0, 90)))[:, :3] @ lower
     assert w == pytest.approx(abs(middle[2]), rel=within)
 
 
@@ -119,7 +164,9 @@ def test_a_cross_ply_plate_vibrates_as_in_three_dimensional_elasticity(degrees: 
     omega = QuarterPlate(8, stack(lamina, 0.2, *degrees)).first_frequency()
 
     def traction(share: float) -> float:
-        return float(np.linalg.det(elasticity(lamina, 0.2, degrees, 1000.0 * (share * omega) ** 2)[3:, :3] / 1e9))
+        return float(
+            np.linalg.det(elasticity(crossed(lamina, 0.2, degrees), 1000.0 * (share * omega) ** 2)[3:, :3] / 1e9)
+        )
 
     assert brentq(traction, 0.9, 1.1) == pytest.approx(1.0, abs=0.025)
 
@@ -133,7 +180,7 @@ def test_stress_of_plies_is_that_of_three_dimensional_elasticity() -> None:
     middle, along_y, along_x, corner = 0, n - 1, n * (n - 1), n * n - 1
     found = modal_ply_stress(space, material, u, np.array([middle, along_y, along_x, corner]))[..., 0]
     near, far = np.cos(np.pi / 32), np.sin(np.pi * 15 / 32)  # the middles of these elements
-    outer, third, second = (elastic_stress(CARBON, 1 / 20, degrees, ply) for ply in (3, 2, 1))
+    outer, third, second = (elastic_stress(crossed(CARBON, 1 / 20, degrees), ply) for ply in (3, 2, 1))
     stress = {
         "xx": (found[0, 3, 1, 0] / near**2, outer, 0.06),
         "yy": (found[0, 2, 1, 0] / near**2, third, 0.05),

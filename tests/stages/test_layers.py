@@ -12,6 +12,7 @@ from fmd.accuracy.ply_stress import ply_quantities
 from fmd.accuracy.requested_stress import request_key
 from fmd.core.errors import InputError
 from fmd.fem.layered import Layered
+from fmd.output.frequencies import mode_warnings
 from fmd.output.plies import draw_plies, find_plies, summarise_plies, write_plies
 from fmd.output.result import Result
 from fmd.scene.stress_outputs import Plies
@@ -139,6 +140,15 @@ def test_a_sandwich_has_the_mass_and_the_density_of_its_layers(swung: Result) ->
     rotary = 0.6 * 0.2 * (1550 * (10e-3**3 - 8e-3**3) + 60 * 8e-3**3) / 12  # ∫ ρ z²
     z = part.fe.x[:, 2]
     assert z @ part.fe.m @ z == pytest.approx(rotary, rel=1e-9)
+
+
+def test_modes_that_bend_layers_in_short_waves_are_warned_of() -> None:
+    """The panel is 10 mm thick and 200 mm wide; one of a tenth of its width bends in 2 thicknesses across."""
+    assert not [each for each in mode_warnings(fmd.load(panel()).run) if each["code"] == "thick-layers"]
+    narrow = panel(width="30 mm", length="60 mm")
+    (text,) = (each["text"] for each in mode_warnings(fmd.load(narrow).run) if each["code"] == "thick-layers")
+    assert "of 3 modes, from" in text
+    assert "bend its layers in half waves below 7 thicknesses" in text
 
 
 def test_strengths_keep_mesh_and_matrices(swung: Result) -> None:

@@ -35,3 +35,4 @@ MISSED_PEAK = 0.02  # of a largest value, between output times
 # Plies.
 INSIDE_PLY = 1e-9  # of a ply's thickness: how far its faces are within, where two plies meet
 INDEPENDENT_WAY = 1e-9  # of the largest square of a way to elements around one: with less across none is known
+BENDS = 0.5  # least share of a shape's motion along the normal: with less it doesn't bend its shell
