@@ -12,7 +12,7 @@ from fmd.accuracy.deflection import deflection_errors, deflection_warnings
 from fmd.accuracy.quantities import motion_quantities
 from fmd.core.limits.errors import SAFETY, TOO_LARGE
 from fmd.dynamics.kinematics import Kinematics
-from fmd.recovery.deformation import measure_deformation, node_deformation_shapes
+from fmd.recovery.deformation import _largest, measure_deformation, node_deformation_shapes
 
 LENGTH, DEPTH, WIDTH, MODULUS = 1.0, 0.005, 0.02, 210e9
 BENDING = MODULUS * WIDTH * DEPTH**3 / 12
@@ -130,3 +130,13 @@ def test_pieces_lower_the_error_as_the_warning_says(tmp_path: Any) -> None:
     )
     x, y = elastica(3 * deflection)
     assert np.linalg.norm(place - [x, 0.0, y]) < 2 * TOO_LARGE * np.hypot(x - 1, y)
+
+
+def test_the_largest_length_of_fields_is_that_at_all_points_and_times() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(60):
+        n = int(rng.integers(1, 5))
+        field = rng.normal(size=(int(rng.integers(1, 40)), 3, n)) * rng.lognormal(0.0, 2.0, size=n)
+        q = rng.normal(size=(int(rng.integers(1, 400)), n)) * rng.choice([0.0, 1.0], size=n)
+        every = np.linalg.norm(np.einsum("pan,tn->tpa", field, q), axis=2)
+        assert _largest(field, q) == pytest.approx(every.max(), rel=1e-13)

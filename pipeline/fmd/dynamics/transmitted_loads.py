@@ -146,11 +146,10 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
         return np.where(counts[:, None, None], forms, 0.0) if counts.any() else forms[:, :0, :0]
 
     def counting_displacement2(displacement2: Array, wrench: Array, unknown: Array) -> Array:
-        stays = (
-            unknown & (_sizes(displacement2, omega) > SOLVED * _sizes(displacement2, omega).max())
-            if displacement2.size
-            else unknown
-        )
+        stays = unknown
+        if displacement2.size and unknown.any():
+            sizes = _sizes(displacement2, omega)
+            stays = unknown & (sizes > SOLVED * sizes.max())
         parts = [counting(displacement2[k : k + 3], wrench[:, k : k + 3], stays[k : k + 3]) for k in (0, 3)]
         n = max(part.shape[1] for part in parts)
         return np.concatenate([part if part.size else np.zeros((3, n, n)) for part in parts])

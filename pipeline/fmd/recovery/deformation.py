@@ -134,9 +134,7 @@ def measure_deformation(shapes: DeformationShapes, body: FlexibleBody, q: Array)
     """Find the largest rotation and strain over a motion q (n_times, n), and the shortening towards each marker."""
     shortening = {}
     for name, line in shapes.lines.items():
-        square = np.zeros(len(q))
-        for rotation in line:
-            square += ((q @ rotation.T) ** 2).sum(axis=1)
+        square = ((q @ np.einsum("pai,paj->ij", line, line)) * q).sum(axis=1)
         length = float(np.linalg.norm(body.markers[name].position - body.markers[body.joint].position))
         shortening[name] = 0.5 * length * square / len(line)
     return Deformation(_largest(shapes.rotation, q), _largest(shapes.strain, q), shortening)
@@ -145,18 +143,21 @@ def measure_deformation(shapes: DeformationShapes, body: FlexibleBody, q: Array)
 def _largest(field: Array, q: Array) -> float:
     """Return the largest length of a field's vectors (n_points, k, n) over a motion.
 
-    Times come in the order of a bound, the sum of the modes' largest parts, until the bound is below what was reached.
+    Times come in the order of a bound, the sum of the modes' largest parts, until the bound is below what was reached;
+    of the points those count whose own bound over some of the times isn't.
     """
     if not (q.size and field.size):
         return 0.0
-    bound = np.abs(q) @ np.linalg.norm(field, axis=1).max(axis=0)
+    sizes, lengths = np.abs(q), np.linalg.norm(field, axis=1)
+    bound = sizes @ lengths.max(axis=0)
     order, largest = np.argsort(-bound), 0.0
     for start in range(0, len(order), DEFORMED_AT_ONCE):
         frames = order[start : start + DEFORMED_AT_ONCE]
         if bound[frames[0]] <= largest:
             break
-        values = (field.reshape(-1, field.shape[2]) @ q[frames].T).reshape(*field.shape[:2], -1)
-        largest = max(largest, float(np.sqrt((values**2).sum(axis=1).max())))
+        near = field[lengths @ sizes[frames].max(axis=0) > largest]
+        values = (near.reshape(-1, near.shape[2]) @ q[frames].T).reshape(*near.shape[:2], len(frames))
+        largest = max(largest, float(np.sqrt((values**2).sum(axis=1).max(initial=0.0))))
     return largest
 
 

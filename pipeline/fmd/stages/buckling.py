@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,10 +37,26 @@ if TYPE_CHECKING:
 class StiffnessChange:
     """Change of a stiffened body's stiffness by the loads through it."""
 
-    largest: float  # largest change of the stiffness of a shape, as a part of it
-    buckling: float  # largest load as a part of the buckling load; 0 if nothing is compressed
-    buckles_at: float  # time at which it first passes the buckling load [s]; infinite if it never does
+    parts: Array  # (n_times, n, n): what the loads change, in shapes whose own stiffness is 1
+    buckles_at: float  # time at which they first pass the buckling load [s]; infinite if they never do
     growth: float  # logarithm of the factor by which a deflection grows while the load is beyond that
+    # Largest load as a part of the buckling load of a body that loops or elements hold, too.
+    constrained: float | None = None
+
+    @property
+    def largest(self) -> float:
+        """Largest change of the stiffness of a shape, as a part of it."""
+        return max(0.0, -self._extremes[0], self._extremes[1])
+
+    @property
+    def buckling(self) -> float:
+        """Largest load as a part of the buckling load; 0 if nothing is compressed."""
+        return max(0.0, -self._extremes[0]) if self.constrained is None else self.constrained
+
+    @cached_property
+    def _extremes(self) -> tuple[float, float]:
+        lowest, highest = _extreme_parts(self.parts)
+        return float(lowest.min()), float(highest.max())
 
 
 @dataclass(frozen=True)
@@ -52,24 +69,27 @@ class ConstrainedStiffness:
 
 def find_changes(mechanism: Mechanism, checks: Mapping[str, StiffeningLoads]) -> dict[str, StiffnessChange]:
     """Find the change of stiffness of each stiffened body of a mechanism by the loads through it."""
-    changes = {}
+    changes, suspects = {}, list[str]()
     for name, check in checks.items():
         body = mechanism.number_of(name)
         omega = mechanism.links[body].omega
         if check.stiffened and len(omega):
             K = geometric_stiffness_over(mechanism, body, check.loads) / np.outer(omega, omega)
-            lowest, highest = _extreme_parts(K)
-            beyond = np.flatnonzero(lowest < -1.0)  # where the whole stiffness isn't definite
+            compressed = np.flatnonzero(np.linalg.norm(K, axis=(1, 2)) > SUSPECT)  # as no eigenvalue is beyond the norm
+            lowest = np.linalg.eigvalsh(K[compressed])[:, 0]
+            beyond = compressed[lowest < -1.0]  # where the whole stiffness isn't definite
             whole = np.zeros(len(K))
             whole[beyond] = np.linalg.eigvalsh(K[beyond] * np.outer(omega, omega) + np.diag(omega**2))[:, 0]
-            buckling = max(-float(lowest.min()), 0.0)
-            largest = max(buckling, float(highest.max()))
-            changes[name] = StiffnessChange(largest, buckling, *_instability(check.times, whole))
-    suspects = [name for name, change in changes.items() if change.buckling > SUSPECT and not part_of(name)]
+            changes[name] = StiffnessChange(K, *_instability(check.times, whole))
+            if (lowest < -SUSPECT).any() and not part_of(name):
+                suspects.append(name)
     if suspects and (mechanism.closures or mechanism.elements):
         loads = {mechanism.number_of(name): checks[name].loads for name in changes}
-        constrained = _find_constrained_change(mechanism, loads, checks[suspects[0]])
-        changes |= {name: replace(constrained, largest=changes[name].largest) for name in suspects}
+        buckling, buckles_at, growth = _find_constrained_change(mechanism, loads, checks[suspects[0]])
+        changes |= {
+            name: replace(changes[name], constrained=buckling, buckles_at=buckles_at, growth=growth)
+            for name in suspects
+        }
     return changes
 
 
@@ -96,13 +116,14 @@ def _instability(times: Array, stiffness: Any) -> tuple[float, float]:
 
 def _find_constrained_change(
     mechanism: Mechanism, loads: Mapping[int, BodyLoads], at: StiffeningLoads
-) -> StiffnessChange:
-    """Find how far bodies are from buckling that only loops or elements keep from it."""
+) -> tuple[float, float, float]:
+    """Find buckling load, time and growth, as `StiffnessChange` has them, of bodies that loops or elements hold."""
     system = share_system(mechanism)
     moments = np.unique(np.linspace(0, len(at.times) - 1, MOMENTS).astype(int))
     constrained = [constrained_stiffness(system, loads, k, float(at.times[k]), at.positions[k]) for k in moments]
     buckling = max(each.buckling for each in constrained)
-    return StiffnessChange(buckling, buckling, *_instability(at.times[moments], [each.lowest for each in constrained]))
+    buckles_at, growth = _instability(at.times[moments], [each.lowest for each in constrained])
+    return buckling, buckles_at, growth
 
 
 def require_unbuckled(scene: Scene, changes: Mapping[str, StiffnessChange]) -> None:
