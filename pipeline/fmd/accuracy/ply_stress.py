@@ -9,12 +9,7 @@ import numpy as np
 from fmd.accuracy.error_estimates import Quantity
 from fmd.core.arrays import Array
 from fmd.fem.layered import Layered
-from fmd.recovery.plies import (
-    FAILURE_INDICES,
-    StressOfPlies,
-    extremes_of_laminates,
-    modal_ply_stress,
-)
+from fmd.recovery.plies import FAILURE_INDICES, StressOfPlies, extremes_of_laminates, modal_ply_stress
 from fmd.scene.stress_outputs import Plies
 
 if TYPE_CHECKING:

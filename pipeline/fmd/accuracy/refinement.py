@@ -16,14 +16,7 @@ from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.runs import AutoRun
 from fmd.scene.scene import Scene
-from fmd.scene.variants import (
-    change_modes,
-    change_simulation,
-    coarsen_meshes,
-    refine_meshes,
-    replace_order,
-    set_pieces,
-)
+from fmd.scene.variants import change_modes, change_simulation, coarsen_meshes, refine_meshes, replace_order, set_pieces
 from fmd.stages.pipeline import Pipeline
 
 _FAILED = "a round that failed"

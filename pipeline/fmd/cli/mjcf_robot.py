@@ -18,17 +18,7 @@ import numpy as np
 from fmd.cli.geoms import Geom, SolidMass, add_masses
 from fmd.cli.mjcf_attributes import DISABLED, direction, list_untaken, read_turn, turn_z
 from fmd.cli.mjcf_files import read_model
-from fmd.cli.robot import (
-    Pose,
-    Robot,
-    RobotJoint,
-    RobotLink,
-    Shape,
-    naming,
-    read_list,
-    read_number,
-    read_numbers,
-)
+from fmd.cli.robot import Pose, Robot, RobotJoint, RobotLink, Shape, naming, read_list, read_number, read_numbers
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.scene import LIGHT_SHARE

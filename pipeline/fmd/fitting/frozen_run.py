@@ -18,14 +18,7 @@ from fmd.dynamics.compiled_system.tangents import Direction
 from fmd.dynamics.compiler.program import LANES
 from fmd.fitting.neighbours import PartedMarch, find_all_turns, goes_in_parts, march_in_parts, march_neighbours
 from fmd.fitting.parameters import Parameter, change_parameters
-from fmd.fitting.tangents import (
-    Side,
-    Tangent,
-    changes_in_line,
-    find_direction,
-    march_tangents,
-    say_what_lacks_tangents,
-)
+from fmd.fitting.tangents import Side, Tangent, changes_in_line, find_direction, march_tangents, say_what_lacks_tangents
 from fmd.integrators.protocol import Trajectory
 from fmd.scene.variants import with_first_run
 from fmd.stages.pipeline import Pipeline

@@ -27,13 +27,7 @@ from fmd.integrators.fixed_step import (
 )
 from fmd.integrators.lanes import arrange_lanes, make_lanes, march_lanes
 from fmd.integrators.march_tables import make_starts
-from fmd.integrators.protocol import (
-    Integrator,
-    State,
-    Trajectory,
-    require_step,
-    start_state,
-)
+from fmd.integrators.protocol import Integrator, State, Trajectory, require_step, start_state
 from fmd.kernels.table import aligned
 
 

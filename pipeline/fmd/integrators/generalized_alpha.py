@@ -19,14 +19,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import ConvergenceError, StabilityError
-from fmd.core.limits.newton import (
-    CONVERGED,
-    OF_GUESS,
-    POSITION_ROUND_OFF,
-    STALLED,
-    STEP_ITERATIONS,
-    VANISHED,
-)
+from fmd.core.limits.newton import CONVERGED, OF_GUESS, POSITION_ROUND_OFF, STALLED, STEP_ITERATIONS, VANISHED
 from fmd.core.newton import settles
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import System, accelerations, advance, project, remember_contacts

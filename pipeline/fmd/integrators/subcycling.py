@@ -42,14 +42,7 @@ from fmd.integrators.fixed_step import (
     take_steps,
 )
 from fmd.integrators.march_tables import Samples
-from fmd.integrators.protocol import (
-    Integrator,
-    Progress,
-    State,
-    Trajectory,
-    require_ratio,
-    start_state,
-)
+from fmd.integrators.protocol import Integrator, Progress, State, Trajectory, require_ratio, start_state
 from fmd.kernels.table import Table, aligned
 
 

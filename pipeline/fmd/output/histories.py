@@ -26,12 +26,7 @@ from fmd.output.stress_warnings import say_missed, say_output_step
 from fmd.output.variable_errors import VariableErrors
 from fmd.recovery.motion import Motion
 from fmd.recovery.motion_file import OF_FORMULA, Variable, gather_runs, gear_variables
-from fmd.recovery.quantities import (
-    coordinate_variables,
-    energy_variables,
-    marker_variables,
-    reaction_variables,
-)
+from fmd.recovery.quantities import coordinate_variables, energy_variables, marker_variables, reaction_variables
 from fmd.recovery.stress import stress_measure
 from fmd.render.calls import Drawer, draw_here
 from fmd.render.chart_data import HistoryFrame

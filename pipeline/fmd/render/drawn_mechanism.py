@@ -9,14 +9,7 @@ import pyvista as pv
 
 from fmd.core.arrays import Array
 from fmd.render.camera import Camera
-from fmd.render.canvas import (
-    Canvas,
-    DrawnPart,
-    Outline,
-    add_part_by_colours,
-    add_part_by_values,
-    choose_outline,
-)
+from fmd.render.canvas import Canvas, DrawnPart, Outline, add_part_by_colours, add_part_by_values, choose_outline
 from fmd.render.colours import UNCOLOURED
 from fmd.render.moving_bodies import MovingMechanism
 from fmd.render.projection import Place, Projection

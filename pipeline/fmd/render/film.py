@@ -14,14 +14,7 @@ from vtkmodules.vtkRenderingCore import vtkProp, vtkTextActor
 
 from fmd.core.arrays import Array
 from fmd.core.files import whole_file
-from fmd.render.annotations import (
-    add_colour_bar,
-    add_heading,
-    add_label,
-    add_triad,
-    cover_margins,
-    format_number,
-)
+from fmd.render.annotations import add_colour_bar, add_heading, add_label, add_triad, cover_margins, format_number
 from fmd.render.camera import FILM_PIXELS, Camera
 from fmd.render.canvas import Canvas, open_canvas
 from fmd.render.colours import STRESS, limits_in_megapascals, stress_limits

@@ -29,15 +29,7 @@ from fmd.dynamics.links import PointLoad
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant, formula
 from fmd.responses.moving_axes import position_map, turning_axes
-from fmd.responses.ports import (
-    GroundPort,
-    JointPort,
-    LoadPort,
-    MarkerPort,
-    ModalPort,
-    MotionPort,
-    Port,
-)
+from fmd.responses.ports import GroundPort, JointPort, LoadPort, MarkerPort, ModalPort, MotionPort, Port
 from fmd.responses.state_space import Channel, StateSpace
 from fmd.stability.tangent import OperatingPoint
 

@@ -18,16 +18,7 @@ from fmd.scene.modes import ModeSettings
 from fmd.scene.places import MarkerPlace, NamedElement, Support
 from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
 from fmd.scene.sectors import SectorMesh
-from fmd.scene.values import (
-    ForceUnit,
-    LengthUnit,
-    MassUnit,
-    Name,
-    Order,
-    PartName,
-    Poisson,
-    SourceFile,
-)
+from fmd.scene.values import ForceUnit, LengthUnit, MassUnit, Name, Order, PartName, Poisson, SourceFile
 
 
 class MeshFile(DividedMesh, SectorMesh):

@@ -25,13 +25,7 @@ from fmd.scene.places import MARKER_WAYS, MarkerPlace, NamedElement
 from fmd.scene.scene import Scene
 from fmd.stages.part import FlexiblePart
 from fmd.stages.piece_mesh import Cut, CutPart, face_of
-from fmd.stages.pieces_at_rest import (
-    PiecesAtRest,
-    deflection_error,
-    frequency_error,
-    measure_part,
-    put_together,
-)
+from fmd.stages.pieces_at_rest import PiecesAtRest, deflection_error, frequency_error, measure_part, put_together
 
 if TYPE_CHECKING:
     from fmd.dynamics.mechanism import Mechanism

@@ -8,16 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from fmd.core.errors import InputError
 from fmd.recovery.stress import STRESS_TENSOR
-from fmd.responses.ports import (
-    Direction,
-    GroundPort,
-    JointPort,
-    LoadPort,
-    MarkerPort,
-    ModalPort,
-    MotionPort,
-    Port,
-)
+from fmd.responses.ports import Direction, GroundPort, JointPort, LoadPort, MarkerPort, ModalPort, MotionPort, Port
 from fmd.scene.loads import Drive, MarkerLoad, MotionDrive, PointForce, PointTorque, find_motion
 from fmd.scene.reading import suggest_name
 

@@ -20,14 +20,7 @@ from fmd.fem.links import Linked, LinkedFace, LinkedModel, LumpedMass, link_poin
 from fmd.fem.local_markers import edge_marker, point_marker, single_node_marker
 from fmd.fem.markers import Marker, face_marker, facets_on_face
 from fmd.fem.model import FEModel
-from fmd.fem.selection import (
-    facets_in_plane,
-    facets_near,
-    node_at,
-    nodes_on_edge,
-    nodes_on_faces,
-    points_of_nodes,
-)
+from fmd.fem.selection import facets_in_plane, facets_near, node_at, nodes_on_edge, nodes_on_faces, points_of_nodes
 from fmd.fem.space import Discretisation
 from fmd.scene.any_body import Flexible
 from fmd.scene.links import FaceLink

@@ -15,12 +15,7 @@ from fmd.integrators.adaptive import AdaptiveIntegrator
 from fmd.integrators.protocol import Integrator, evaluate
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.scene.run_table import TolerantRun
-from fmd.stability.periodic_motion import (
-    FloquetMultipliers,
-    PeriodicMotion,
-    find_multipliers,
-    find_periodic_motion,
-)
+from fmd.stability.periodic_motion import FloquetMultipliers, PeriodicMotion, find_multipliers, find_periodic_motion
 from fmd.stages.mechanism import place_joints
 
 if TYPE_CHECKING:

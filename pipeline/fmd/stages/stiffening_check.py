@@ -22,12 +22,7 @@ from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.least_work import share_open_loads
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.open_loads import largest_residual, open_loads
-from fmd.dynamics.transmitted_loads import (
-    BodyLoads,
-    change_by_inertia,
-    transmitted_loads,
-    without_negligible_terms,
-)
+from fmd.dynamics.transmitted_loads import BodyLoads, change_by_inertia, transmitted_loads, without_negligible_terms
 from fmd.integrators.protocol import Integrator
 from fmd.reduction.body import FlexibleBody
 from fmd.scene.modes import damping_ratios

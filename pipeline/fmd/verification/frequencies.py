@@ -14,13 +14,7 @@ from fmd.core.cache import Cache
 from fmd.fem.material import Material
 from fmd.scene.scene import load_scene
 from fmd.verification.case import Figure, VerificationCase, make_figures, open_scene
-from fmd.verification.closed_forms import (
-    free_box,
-    plate_shear,
-    supported_plate,
-    timoshenko_free,
-    timoshenko_supported,
-)
+from fmd.verification.closed_forms import free_box, plate_shear, supported_plate, timoshenko_free, timoshenko_supported
 
 STEEL = Material(210e9, 0.3, 7800.0)  # of models/verification
 _ENDS = 'body.beam.support=[{face="x-", fixed=["y"]}, {face="x+", fixed=["y"]}]'

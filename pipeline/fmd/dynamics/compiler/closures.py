@@ -23,16 +23,7 @@ from fmd.core.arrays import Array
 from fmd.core.limits.mechanism import CLOSED_SHARE
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.closures import Closure, Coupler
-from fmd.dynamics.compiler.algebra import (
-    Vector3,
-    Vector6,
-    add,
-    constants,
-    cross,
-    dot,
-    scale,
-    subtract,
-)
+from fmd.dynamics.compiler.algebra import Vector3, Vector6, add, constants, cross, dot, scale, subtract
 from fmd.dynamics.compiler.bodies import Inertia
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.forces import PushedForces

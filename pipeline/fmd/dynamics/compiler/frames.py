@@ -31,13 +31,7 @@ from fmd.dynamics.compiler.algebra import (
     times,
     transpose,
 )
-from fmd.dynamics.compiler.cleaning import (
-    InertiaForms,
-    clean_direction,
-    clean_marker,
-    inertia_forms,
-    rigid_constants,
-)
+from fmd.dynamics.compiler.cleaning import InertiaForms, clean_direction, clean_marker, inertia_forms, rigid_constants
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
 from fmd.dynamics.compiler.marker import MarkerMotion, rotation, trace_marker

@@ -13,18 +13,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.limits.round_off import SUMMED
-from fmd.dynamics.compiler.algebra import (
-    Matrix,
-    Vector3,
-    add,
-    constants,
-    cross,
-    dot,
-    identity,
-    scale,
-    tilde,
-    times,
-)
+from fmd.dynamics.compiler.algebra import Matrix, Vector3, add, constants, cross, dot, identity, scale, tilde, times
 from fmd.dynamics.compiler.cleaning import clean_direction
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine, total
 from fmd.reduction.body import MarkerShapes

@@ -73,11 +73,7 @@ from fmd.dynamics.compiler.graph import Scalar, Vector, combine
 from fmd.dynamics.compiler.joint_loads import trace_joint_loads
 from fmd.dynamics.compiler.middle import trace_middle, trace_middle_step
 from fmd.dynamics.compiler.program import Output, Program
-from fmd.dynamics.compiler.quantities import (
-    trace_kinetic_energy,
-    trace_momenta,
-    trace_potential_energy,
-)
+from fmd.dynamics.compiler.quantities import trace_kinetic_energy, trace_momenta, trace_potential_energy
 from fmd.dynamics.compiler.recursion import BodyValues, trace_accelerations
 from fmd.dynamics.compiler.residual import trace_motion, trace_residual
 from fmd.dynamics.compiler.tangents import direction_inputs, flatten, trace_tangents, unflatten

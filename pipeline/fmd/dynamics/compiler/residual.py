@@ -8,15 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fmd.dynamics.compiler.algebra import (
-    Vector6,
-    add,
-    cross,
-    dot,
-    rotate,
-    times,
-    transpose,
-)
+from fmd.dynamics.compiler.algebra import Vector6, add, cross, dot, rotate, times, transpose
 from fmd.dynamics.compiler.bodies import trace_inertia
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.forces import ActingForces, Forces
