@@ -14,12 +14,13 @@ from fmd import Pipeline, load_scene
 from fmd.accuracy import comparison, time_limit, truncation
 from fmd.accuracy.comparison import Comparison
 from fmd.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_errors
-from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL
+from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, Quantity
 from fmd.accuracy.estimators import Estimates
 from fmd.accuracy.time_limit import LeftOutError, TimeLimit
 from fmd.accuracy.truncation import _work_of_vibrations, require_start
 from fmd.core.cache import Cache
 from fmd.core.interruption import interrupted_by
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.recovery.motion import Motion
 from fmd.scene.variants import enrich_bases
@@ -107,7 +108,33 @@ def test_a_richer_basis_whose_short_steps_will_not_end_in_time_is_marched_by_lon
 
     monkeypatch.setattr(estimates, "march", march)
     assert all(isinstance(error, float) for error in estimates._truncation().values())
-    assert marched == ["generalized-alpha"] * 2
+    assert {*marched} == {"generalized-alpha"}
+
+
+@pytest.mark.parametrize(("exact", "of_step"), [(1e-4, 1.0), (0.0, 1.0), (1e-4, 0.0)])
+def test_steps_that_do_not_follow_what_a_richer_basis_changes_are_halved(
+    monkeypatch: pytest.MonkeyPatch, exact: float, of_step: float
+) -> None:
+    """A chain's momentum changed by 2e-4 in steps of 6 µs, 4e-7 in a quarter of them and 1e-7 with long ones.
+
+    Here the difference is ``exact`` and a part that falls with the square of the step.
+    """
+    steps: list[float] = []
+
+    def by_steps(of: Any, rich: Any, as_if: Any, method: GeneralizedAlpha, work: float) -> truncation.BasisComparison:
+        steps.append(method.step)
+        values = (np.array([1.0]), np.array([1.0 + exact + of_step * method.step**2]))
+        ours, theirs = ({"momentum": Quantity("momentum", "kg m/s", value)} for value in values)
+        return truncation.BasisComparison(ours, theirs)
+
+    monkeypatch.setattr(truncation, "_by_steps", by_steps)
+    of: Any = SimpleNamespace(plan=None, beside=(None, {}), implicit_method=GeneralizedAlpha(0.064), limit=TimeLimit())
+    of.changes = lambda theirs, ours: Comparison.changes(of, theirs, ours)
+    found = truncation._by_implicit_steps(of, [(of, {})])
+    change = of.changes(found.enriched, found.ours)["momentum"]
+    assert change == pytest.approx(exact, rel=0.2, abs=1e-5)
+    assert steps == [0.064 / 2**k for k in range(len(steps))]
+    assert (len(steps) == 2) == (of_step == 0.0)
 
 
 @pytest.mark.parametrize("rings", [False, True])

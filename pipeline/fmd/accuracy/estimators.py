@@ -178,13 +178,15 @@ class Estimates(Comparison):
             enrich_bases(self.run.scene), stiffening_loads=self.run.stiffening_loads
         )  # what is stiffened stays so
         try:
-            ours, enriched = compare_bases(self, rich)
+            found = compare_bases(self, rich)
         except InputError as fault:  # the mesh has no more modes than the run's
             return dict.fromkeys(self.quantities, f"not estimated: with more modes, {fault}")
         unknown = reactions_of_other_loops(self, rich)
-        enriched = {name: quantity for name, quantity in enriched.items() if name not in unknown}
-        self.correct_by(enriched, 1.0, ours)
-        return self.changes(enriched, ours) | dict.fromkeys(unknown, OTHER_LOOPS)
+        enriched = {name: quantity for name, quantity in found.enriched.items() if name not in unknown}
+        self.correct_by(enriched, 1.0, found.ours)
+        changes = self.changes(enriched, found.ours)
+        errors = {name: change + found.unresolved.get(name, 0.0) for name, change in changes.items()}
+        return errors | dict.fromkeys(unknown, OTHER_LOOPS)
 
     def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
         """Estimate the mesh's error: the shift of the frequencies, and everything else that a coarser mesh changes."""

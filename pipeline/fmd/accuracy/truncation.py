@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from fmd.accuracy.changed_bodies import keep_lowest
@@ -14,6 +14,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
 from fmd.core.limits import errors as limits
 from fmd.core.limits.stability import SURELY_STABLE
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.recovery.motion import Motion
 from fmd.stages.pipeline import Pipeline
@@ -21,8 +22,17 @@ from fmd.stages.plan import Plan
 from fmd.stages.runs import plan_like
 
 
-def compare_bases(of: Comparison, rich: Pipeline) -> tuple[Quantities, Quantities]:
-    """Return the quantities of a run and of one with a richer basis, both marched with a step that suits both.
+@dataclass(frozen=True)
+class BasisComparison:
+    """Quantities of a run and of one with a richer basis, and by how much half of the step has more of a difference."""
+
+    ours: Quantities
+    enriched: Quantities
+    unresolved: dict[str, float] = field(default_factory=dict)  # relative; of quantities that steps don't follow
+
+
+def compare_bases(of: Comparison, rich: Pipeline) -> BasisComparison:
+    """Compare the quantities of a run with those of a richer basis, both marched with a step that suits both.
 
     Raises
     ------
@@ -45,8 +55,8 @@ def reactions_of_other_loops(of: Comparison, rich: Pipeline) -> list[str]:
     return [name for name in of.details if is_reaction(name)]
 
 
-def _by_one_method(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) -> tuple[Quantities, Quantities] | None:
-    """Return the quantities of the run and of a richer basis by the run's method, if it serves for both."""
+def _by_one_method(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) -> BasisComparison | None:
+    """Compare the run with a richer basis by the run's method, if it serves for both."""
     if of.beside[0] is not of.plan:
         return None  # it is too slow for variants of the run's own size already
     try:
@@ -57,47 +67,75 @@ def _by_one_method(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) -> t
         resolved = _is_resolved(of, rich, plan, enriched, of.changes(enriched, ours), as_if)
     except (LeftOutError, AccuracyError):  # an explicit method follows static responses for ever, or a step is long
         return None
-    return (ours, enriched) if resolved else None
+    return BasisComparison(ours, enriched) if resolved else None
 
 
-def _compare_lowest(of: Comparison, rich: Pipeline) -> tuple[Quantities, Quantities]:
-    """Return the same without the stiffest shapes of a large basis, or by implicit steps.
+def _compare_lowest(of: Comparison, rich: Pipeline) -> BasisComparison:
+    """Compare the same without the stiffest shapes of a large basis, or by implicit steps.
 
     Several bodies have so many static responses that neither way ends in time. What a shape yields falls with the
     square of its frequency, so that the run's shapes and the lowest ones, as many as the run's and more, tell most.
     """
-    bodies = dict(rich.bodies)
-    as_if: dict[str, Array] = {}
-    for name, body in rich.bodies.items():
-        own = of.run.bodies[name]
-        bodies[name], as_if[name] = keep_lowest(body, own.shapes, len(own.omega) + limits.LOWEST_SHAPES)
-    lowest = sum(len(body.omega) for body in bodies.values())
-    if lowest > limits.LARGE_BASIS * sum(len(body.omega) for body in rich.bodies.values()):
-        return _by_implicit_steps(of, rich, {})
-    rich = rich.with_bodies(bodies)
-    return _by_one_method(of, rich, as_if) or _by_implicit_steps(of, rich, as_if)
+    tried: list[tuple[Pipeline, dict[str, Array]]] = []
+    for more in (limits.LOWEST_SHAPES, 0):
+        bodies = dict(rich.bodies)
+        as_if: dict[str, Array] = {}
+        for name, body in rich.bodies.items():
+            own = of.run.bodies[name]
+            bodies[name], as_if[name] = keep_lowest(body, own.shapes, len(own.omega) + more)
+        lowest = sum(len(body.omega) for body in bodies.values())
+        if lowest > limits.LARGE_BASIS * sum(len(body.omega) for body in rich.bodies.values()):
+            tried.append((rich, {}))
+            break
+        tried.append((rich.with_bodies(bodies), as_if))
+    first, as_first = tried[0]
+    return (first is not rich and _by_one_method(of, first, as_first)) or _by_implicit_steps(of, tried)
 
 
-def _by_implicit_steps(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) -> tuple[Quantities, Quantities]:
-    """Return the quantities of the run and of a richer basis by generalised-α, with the same steps.
+def _by_implicit_steps(of: Comparison, tried: list[tuple[Pipeline, dict[str, Array]]]) -> BasisComparison:
+    """Compare the run with the first of some richer bases that marches by generalised-α, with the same steps.
 
-    Steps without a solution, as of a loop that starts at rest with fast static responses, are halved.
+    Steps without a solution, as of a loop that starts at rest with fast static responses, are halved. So are steps of
+    both where the difference between the two changes by that, as long as this takes a small part of the time left.
     """
-    beside, ours = of.beside
-    method: Any = of.implicit_method if beside is of.plan else beside.integrator
-    for k in range(limits.MOST_REFINEMENTS):
-        plan = replace(of.plan, integrator=replace(method, step=method.step / 2**k))
+    method: Any = of.implicit_method if of.beside[0] is of.plan else of.beside[0].integrator
+    for k in range(limits.MOST_REFINEMENTS * len(tried)):
+        rich, as_if = tried[k % len(tried)]
+        halved = replace(method, step=method.step / 2 ** (k // len(tried)))
         try:
-            plan = _begin_alike(of, rich, plan)
-            theirs = of.march(rich, plan_like(plan, rich), limits.FINER_WORK if k else 1.0)
+            found = _by_steps(of, rich, as_if, halved, limits.FINER_WORK if k >= len(tried) else 1.0)
         except AccuracyError:
-            if k + 1 == limits.MOST_REFINEMENTS:
+            if k + 1 == limits.MOST_REFINEMENTS * len(tried):
                 raise
         else:
             break
-    if of.run.scene.repeats or plan.integrator != beside.integrator:
-        ours = of.quantities_of(of.run, of.march(of.run, plan))
-    return ours, of.quantities_of(rich, theirs, as_if=as_if or None)
+    while True:
+        begun, halved = of.limit.spent, replace(halved, step=halved.step / 2)
+        try:
+            finer = _by_steps(of, rich, as_if, halved, limits.FINER_WORK)
+            before, after = (of.changes(each.enriched, each.ours) for each in (found, finer))
+            found = replace(finer, unresolved={name: max(part - before[name], 0.0) for name, part in after.items()})
+            if all(
+                abs(part - before[name]) < limits.RESOLVED_PART * max(part, before[name], limits.LEAST_SHOWN)
+                for name, part in after.items()
+            ):
+                return found
+            of.limit.require(limits.WORTH_HALVING * (of.limit.spent - begun))
+        except (LeftOutError, AccuracyError):
+            return found
+
+
+def _by_steps(
+    of: Comparison, rich: Pipeline, as_if: dict[str, Array], method: GeneralizedAlpha, work: float
+) -> BasisComparison:
+    """Compare the run with a richer basis, both by the same implicit steps."""
+    beside, ours = of.beside
+    plan = _begin_alike(of, rich, replace(of.plan, integrator=method))
+    theirs = of.march(rich, plan_like(plan, rich), work)
+    if of.run.scene.repeats or method != beside.integrator:
+        again = of.quantities_of(of.run, of.march(of.run, plan))
+        ours = {name: quantity for name, quantity in again.items() if name in ours}
+    return BasisComparison(ours, of.quantities_of(rich, theirs, as_if=as_if or None))
 
 
 def _begin_alike(of: Comparison, rich: Pipeline, plan: Plan) -> Plan:

@@ -19,7 +19,15 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import ConvergenceError, StabilityError
-from fmd.core.limits.newton import CONVERGED, OF_GUESS, POSITION_ROUND_OFF, STALLED, STEP_ITERATIONS, VANISHED
+from fmd.core.limits.newton import (
+    CONVERGED,
+    LEAST_MOVED,
+    OF_GUESS,
+    POSITION_ROUND_OFF,
+    STALLED,
+    STEP_ITERATIONS,
+    VANISHED,
+)
 from fmd.core.newton import settles
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import System, accelerations, advance, project, remember_contacts
@@ -219,13 +227,14 @@ def _find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
 def _renew_tangent(m: NewmarkSteps, p: Any, end: float) -> None:
     """Factor the tangent at the trial accelerations, by differences; ``found`` are the accelerations there."""
     n, size = m.tangent.shape[0], VANISHED
+    to_position = m.h * m.h * m.beta * (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
     for i in range(m.v.size):
         m.base[i] = m.found[i]
     for i in range(n):
         size = max(size, abs(m.found[i]), abs(m.new[i]), abs(m.a[i]), OF_GUESS * abs(m.a[m.v.size + i]))
     for j in range(n):
         keep = m.new[j]
-        nudge = 1e-6 * (abs(keep) + 1e-3 * max(size, m.marks[1]))
+        nudge = max(1e-6 * (abs(keep) + 1e-3 * max(size, m.marks[1])), LEAST_MOVED / to_position)
         m.new[j] = keep + nudge
         _evaluate_end(m, p, end, m.shifted)
         m.new[j] = keep
@@ -243,6 +252,7 @@ def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
 
     Forces that balance leave an acceleration with their own round-off: a correction that no longer shrinks, or shrinks
     to the last, is good enough if it is small beside the largest one so far, or moves positions by their round-off.
+    Beside a singular position of a loop it moves them by more, though the equations hold, and with a new tangent, too.
     """
     n, largest_before, peak = m.tangent.shape[0], math.inf, m.marks[1]
     to_position = m.h * m.h * m.beta * (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
@@ -251,15 +261,21 @@ def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
         size, largest, reached = VANISHED, 0.0, 1.0
         if m.marks[0] == 0.0 or (iteration > 0 and iteration % 4 == 0):
             _renew_tangent(m, p, end)
+        left = 0.0
+        for i in range(n):
+            left = max(left, abs(m.found[i] - m.new[i]))
         _correct(m)
         for i in range(n):
-            largest += abs(m.found[i])  # a sum: it keeps a NaN, which max would lose
+            largest = (
+                abs(m.found[i]) if not abs(m.found[i]) <= largest else largest
+            )  # keeps a NaN, which max would lose
             # Auxiliary ones too: their round-off is in what is found, and the guess's in new.
             size = max(size, abs(m.new[i]), abs(m.a[i]), OF_GUESS * abs(m.a[m.v.size + i]))
         for i in range(m.q.size):
             reached = max(reached, abs(m.q_new[i]))
         slow = largest > STALLED * largest_before
-        good_enough = max(CONVERGED * peak, POSITION_ROUND_OFF * reached / to_position)
+        moved = LEAST_MOVED if iteration > 4 and left <= CONVERGED * peak else POSITION_ROUND_OFF
+        good_enough = max(CONVERGED * peak, moved * reached / to_position)
         last = iteration == STEP_ITERATIONS - 1  # beneath round-off it may shrink by a steady factor for long
         if _settles(largest, 0.0 if last else largest_before, CONVERGED * size, good_enough):
             m.marks[1] = max(peak, size)

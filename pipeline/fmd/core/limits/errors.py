@@ -66,6 +66,9 @@ COMPARED_IMPLICIT_STEPS = 4000  # of two marches that are compared, whose errors
 MORE_IMPLICIT_STEPS = 4.0  # times as many, where a quantity vibrates too fast for these
 # Change by a richer basis from which on its march is doubted, and the part of it that half of the step may change.
 DOUBTED, RESOLVED_PART = 0.01, 0.3
+# Time left over that of a comparison by half of the step, beneath which steps aren't halved once more: what else is
+# estimated takes time, too.
+WORTH_HALVING = 5.0
 # Of a richer basis whose march would take too long the run's shapes are kept, as many of its lowest ones and this many
 # more, unless these are nearly all of it.
 LOWEST_SHAPES, LARGE_BASIS = 12, 0.7

@@ -61,7 +61,10 @@ LOOSE = 1e-10  # of the largest singular value: nothing holds such a motion
 # Generalised-α method, in each step.
 CONVERGED = 1e-10  # last correction, relative to the largest acceleration
 OF_GUESS = 1e-5  # times that: the round-off of the acceleration that an iteration starts from
-POSITION_ROUND_OFF = 1e-14  # of positions, relative to the largest, or to a radian or metre
+# Of positions, relative to the largest, or to a radian or metre: a loop of three bars with 27 modes each, nearly at
+# rest, has up to 3e-13, since a tangent's condition is 1e13.
+POSITION_ROUND_OFF = 1e-12
+LEAST_MOVED = 1e-10  # of positions, by which slopes are differences above the accelerations' round-off [rad or m]
 STEP_ITERATIONS = 12  # of a step: one that needs more is too long
 VANISHED = 1e-200  # an acceleration below which nothing is left to converge: damped motions underflow in the end
 BALANCING_PART = 1e-6  # part of each coordinate of the start by which it is changed to see what forces balance there
