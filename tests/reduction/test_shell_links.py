@@ -125,7 +125,7 @@ def test_rigid_bodies_of_abaqus_are_those_of_nastran_with_pins_or_without(tmp_pa
     x, cells = panel()
     ends = ", ".join(str(node + 1) for node in end_nodes())
     at = "{:g}, {:g}, {:g}".format(*AT * 1e3)
-    for key, directions in (("TIE NSET", 123456), ("PIN NSET", 123)):
+    for key, directions in (("TIE NSET", 123456), ("PIN NSET", 123), ("NSET", 123)):
         cards = (MOTOR[0], "CONM2,901,900,0,0.5", f"RBE2,5,900,{directions},{ends}")
         nastran = model_of(tmp_path / "panel.bdf", cards)
         more = f"*NODE\n900, {at}\n*NSET, NSET=END\n{ends}\n*RIGID BODY, REF NODE=900, {key}=END\n"

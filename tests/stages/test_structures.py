@@ -112,7 +112,7 @@ def barred(own_node: bool = True, joint: str = "") -> Deck:
     coupling = f"*SURFACE, NAME=S, TYPE=NODE\nFACE\n*COUPLING, REF NODE={root}, SURFACE=S, CONSTRAINT NAME=C"
     joints = {
         "": [],
-        "rigid": [f"*RIGID BODY, NSET=FACE, REF NODE={root}"],
+        "rigid": [f"*RIGID BODY, TIE NSET=FACE, REF NODE={root}"],
         "kinematic": [coupling, "*KINEMATIC", "1, 6"],
         "mean": [coupling, "*DISTRIBUTING", "1, 6"],
     }

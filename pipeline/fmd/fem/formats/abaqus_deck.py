@@ -160,7 +160,8 @@ class Deck:
         def elements(name: str, numbers: Mapping[int, object]) -> list[int]:
             return sorted(self._members(known(name, element_sets, "element set"), element_sets, dict(numbers)))
 
-        found = self.links.connections(DeckPoints(place, raw.points, nodes, cell_nodes, surface, elements))
+        meshed = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(cells.ravel() for _, cells in raw.blocks)]))
+        found = self.links.connections(DeckPoints(place, raw.points, meshed, nodes, cell_nodes, surface, elements))
         used = set(found.points.tolist())
         names = {str(number): point for number, point in place.items() if point in used}
         for name, points in raw.point_sets.items():

@@ -36,6 +36,7 @@ class DeckPoints:
 
     place: Mapping[int, int]  # place of each node by its number
     x: Array  # (n, 3): positions
+    meshed: IntArray  # those of elements of the mesh
     nodes: Callable[[str], IntArray]  # places of the nodes of a set of nodes, or of one node, by name or number
     cell_nodes: Callable[[str], IntArray]  # places of the nodes of a set of elements
     # Corners of a surface's facets and the places of its nodes; no facets if it is one of nodes.
@@ -144,16 +145,22 @@ def _place(points: DeckPoints, node: int, label: str) -> int:
 
 
 def _rigid_body(label: str, reference: IntArray, options: dict[str, str], points: DeckPoints) -> list[RigidConnection]:
-    """Return the connections of a rigid body: of the nodes that turn with it, and of those on pins."""
-    found = [points.nodes(options[key]) for key in ("NSET", "TIE NSET") if key in options]
+    """Return the connections of a rigid body: of the nodes that turn with it, and of those on pins.
+
+    ``NSET`` is CalculiX's word, whose rigid bodies hold nodes of shells and beams on pins; Abaqus has the other ones.
+    """
+    turning = [points.nodes(options["TIE NSET"])] if "TIE NSET" in options else []
+    pinned = [points.nodes(options["PIN NSET"])] if "PIN NSET" in options else []
     if "ELSET" in options:
-        found.append(points.cell_nodes(options["ELSET"]))
-    if not found and "PIN NSET" not in options:
+        turning.append(points.cell_nodes(options["ELSET"]))
+    if "NSET" in options:
+        own = points.nodes(options["NSET"])
+        pinned.append(np.intersect1d(own, points.meshed))
+        turning.append(np.setdiff1d(own, points.meshed))
+    if not (turning or pinned):
         raise MeshFileError(f"{label} has no NSET or ELSET")
-    rigid = [_rigid(label, reference, np.unique(np.concatenate(found)), True)] if found else []
-    if "PIN NSET" in options:
-        rigid.append(_rigid(label, reference, points.nodes(options["PIN NSET"]), False))
-    return rigid
+    both = ((np.unique(np.concatenate(each)), turns) for each, turns in ((turning, True), (pinned, False)) if each)
+    return [_rigid(label, reference, nodes, turns) for nodes, turns in both if len(nodes)]
 
 
 def _rigid(label: str, reference: IntArray, nodes: IntArray, turning: bool) -> RigidConnection:

@@ -87,7 +87,12 @@ def take_shells(
     lost = {kind: n for kind, n in count.items() if kind not in known}
     if lost:
         names = ", ".join(f"{n} {kind}" for kind, n in lost.items())
-        raise MeshFileError(f"elements beside shells of three or four nodes aren't read with mesh.shell: {names}")
+        mend = (
+            "; curves of Gmsh are faces by its .msh, lines with sections are beams by mesh.beam"
+            if "line" in lost
+            else ""
+        )
+        raise MeshFileError(f"elements beside shells of three or four nodes aren't read with mesh.shell: {names}{mend}")
     notes = []
     split = len({kind for _, kind, _ in given}) > 1
     blocks, source = [], []  # of each element the block and its number there
