@@ -109,6 +109,31 @@ def with_tolerance(scene: dict[str, Any], tolerance: float, *overrides: str) -> 
     return Pipeline(load_scene(scene | {"simulation": scene["simulation"] | runs}, overrides))
 
 
+def on_a_slide(**joint: Any) -> Pipeline:
+    """A steel ball that comes down on a slide, in 48 steps a shock."""
+    slide = {"type": "prismatic", "parent": "ground", "child": "ball.centre", "axis": [0, 0, 1]}
+    joints = {"slide": slide | {"position": RADIUS + 1e-6, "rate": -SPEED} | joint}
+    floor = {"between": ["ground", "ball.skin"], "normal": [0, 0, 1]}
+    return Pipeline(load_scene(scene({"ball": BALL}, joints, {"floor": floor}, 3e-4, **EXACT)))
+
+
+EXACT: dict[str, Any] = {"run": [{"integrator": "exponential"}], "step": "2 us"}
+
+
+def test_exponential_steps_keep_the_energy_of_a_scene_and_refuse_what_does_not() -> None:
+    own = on_a_slide()
+    errors, floor = contact_errors(own)["floor"], own.motion.contacts["floor"]
+    assert own.motion.trajectory.v[-1, 0] == pytest.approx(SPEED, rel=1e-11)
+    assert floor.impulse[-1, 2] == pytest.approx(2.0 * MASS * SPEED, rel=1e-10)
+    assert 0.0 < errors["largest_force_n"].parts["step"] < 0.02 * floor.largest[0]
+    with pytest.raises(InputError, match=r"keeps the energy of contacts beside gravity, loads in time and linear spr"):
+        _ = on_a_slide(damper="1 N s/m").motion
+    hinge = {"hinge": {"type": "revolute", "parent": "ground", "child": "ball.centre", "axis": [0, 1, 0]}}
+    contact = {"floor": {"between": ["ground", "ball.skin"], "normal": [0, 0, 1]}}
+    with pytest.raises(InputError, match=r"takes contacts of bodies that slide alone, and joint 'hinge' turns"):
+        load_scene(scene({"ball": BALL}, hinge, contact, 3e-4, **EXACT))
+
+
 def test_runge_kutta_takes_no_contact_with_a_memory() -> None:
     floor = BLOCK["contact"]["floor"] | {"friction": 0.1}
     told = r"takes no contact with friction, damping or restitution, as of contact\.floor; central-difference, sub-cyc"
@@ -122,7 +147,7 @@ def test_auto_is_the_only_run_of_a_scene_with_contacts_and_other_steered_methods
         load_scene(BLOCK | {"simulation": BLOCK["simulation"] | {"run": runs}})
     told = (
         r"simulation\.run\.0\.integrator = 'Radau': takes no contact; 'auto' does, and central-difference, "
-        r"sub-cycling, runge-kutta and generalized-alpha do"
+        r"sub-cycling, exponential, runge-kutta and generalized-alpha do"
     )
     with pytest.raises(InputError, match=told):
         load_scene(BLOCK | {"simulation": BLOCK["simulation"] | {"run": [{"integrator": "Radau"}]}})

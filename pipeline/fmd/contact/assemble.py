@@ -299,6 +299,7 @@ def _results(bodies: Sequence[TouchingBody], links: Sequence[int], n_links: int,
         "carrier": np.array(carrier, dtype=np.int64),
         "now": np.zeros((len(carrier), N_VALUES)),
         "sums": sums,
+        "end_share": np.full(1, 0.5),
         "clock": np.array([np.nan, 0.0]),
         "state": np.zeros(1, dtype=np.int64),
     }

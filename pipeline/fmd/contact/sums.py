@@ -168,7 +168,7 @@ def remember(c: ContactTable, t: float, origins: Array, rotations: Array) -> Non
     for k in range(c.now.shape[0]):
         v, s = c.now[k], c.sums[k]
         for a in range(3):
-            s[IMPULSE + a] += 0.5 * later * (s[FORCE + a] + v[FORCE + a])
+            s[IMPULSE + a] += later * ((1.0 - c.end_share[0]) * s[FORCE + a] + c.end_share[0] * v[FORCE + a])
             s[FORCE + a] = v[FORCE + a]
         if v[FORCE] != 0.0 or v[FORCE + 1] != 0.0 or v[FORCE + 2] != 0.0:
             s[BEGIN] = t if math.isnan(s[BEGIN]) else s[BEGIN]
@@ -241,7 +241,8 @@ def _add_work(c: ContactTable, i: int, begins: bool) -> None:
         moved += (tip - c.tip[i, b]) ** 2
         along += (tip - c.tip[i, b]) * normal
         heat -= across * (tip - c.tip[i, b])
-        work += 0.5 * (force + c.known[i, b]) * (c.spot[i, b] - c.before[i, b])
+        mean = (1.0 - c.end_share[0]) * c.known[i, b] + c.end_share[0] * force
+        work += mean * (c.spot[i, b] - c.before[i, b])
         c.tip[i, b], c.before[i, b], c.known[i, b] = tip, c.spot[i, b], force
     if rubs:
         slip = math.sqrt(max(0.0, moved - along * along))

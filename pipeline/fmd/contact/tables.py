@@ -178,6 +178,7 @@ class ContactTable(Table):
     carrier: IntArray  # (n_contacts,): link, -1 for the ground
     now: Array  # (n_contacts, N_VALUES): values at the state looked at
     sums: Array  # (n_contacts, N_VALUES): those that add up, at the last step
+    end_share: Array  # (1,): of the force at a step's end in the mean over the step
     clock: Array  # (2,): time of the last step; 0 if forces were found, 1 if not, 2 where a point is deep at first
     state: IntArray  # (1,): number of the state looked at
 

@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from itertools import pairwise
 from typing import Any
 
@@ -54,16 +55,20 @@ class Exponential(ResumableIntegrator):
         return all(np.array_equal(system.stiffness, other.stiffness) for other in others)
 
     def order(self, system: System) -> int:
-        """Return 4; modes that the step does not resolve have about 3 (Hochbruck & Ostermann 2005)."""
-        return 4
+        """Return 4; modes that the step does not resolve have about 3 (Hochbruck & Ostermann 2005); in contact 2."""
+        return 2 if system.n_contact_values else 4
 
     def largest_step(self, system: System) -> float:
         """Return 2 over the frequency of what couples the oscillators in the reference state, or infinity [s].
+
+        Steps in contact are exact in the modes of the whole mechanism, and have no limit.
 
         Coupling is part of the rest N, which the stages take explicitly: ``ρ(M⁻¹ K − diag(K)/diag(M))`` is the square
         of its frequency, where the first K has end stops that are touched. Strong coupling leaves an explicit method's
         limit, weak coupling a far longer step.
         """
+        if system.n_contact_values:
+            return np.inf
         M, K, _ = system.linear_matrices
         coupling = np.linalg.solve(M, system.stiffest_matrices[1]) - np.diag(K.diagonal() / M.diagonal())
         squared = float(np.abs(np.linalg.eigvals(coupling)).max(initial=0.0))
@@ -110,6 +115,10 @@ class Exponential(ResumableIntegrator):
             The mechanism has a rotation in space, whose quaternion is no oscillator.
         """
         _require_oscillators(system)
+        if system.n_contact_values:
+            exactly = import_module("fmd.integrators.energy_exact").march_exactly
+            found: Trajectory = exactly(self.name, self.step, system, start, times, progress)
+            return found
         return self._continue(system, system.stiffness, start, times, 0.0, progress)
 
     def _continue(

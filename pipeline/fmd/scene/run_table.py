@@ -29,6 +29,7 @@ class RunTable(SceneTable):
     turns_in_space: ClassVar[bool] = True  # it takes joints with rotations in space, whose positions are quaternions
     samples: ClassVar[bool] = False  # its steps end where sampled controllers measure
     takes_contact: ClassVar[bool] = False  # it tells contacts when a step ends
+    keeps_energy: ClassVar[bool] = False  # it does in contacts without memory, at any step, of bodies that don't turn
     takes_memory: ClassVar[bool] = True  # it takes contacts with friction, damping or restitution, if any
     passes_over: ClassVar[bool] = False  # it stays stable where its steps don't resolve fast vibrations
     limit_remedy: ClassVar[str] = ""  # how the message that refuses a step for its limit names another method
@@ -40,7 +41,7 @@ class RunTable(SceneTable):
     @property
     def is_limited(self) -> bool:
         """True if it takes given steps that have to resolve fast vibrations."""
-        return not (self.chooses_steps or self.passes_over)
+        return not (self.chooses_steps or self.passes_over or self.keeps_energy)
 
     @classmethod
     def names(cls) -> tuple[str, ...]:

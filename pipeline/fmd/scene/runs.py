@@ -104,7 +104,8 @@ class ReversibleSubCyclingRun(SubCycledRun):
 class ExponentialRun(SteppedRun):
     """Exponential Runge-Kutta method of order 4 (ETDRK4) that solves the modal oscillators exactly.
 
-    It takes no joint with rotations in space: no spherical and no free joint.
+    It takes no joint with rotations in space: no spherical and no free joint. In contacts without friction, of bodies
+    that slide and don't turn, its steps keep the energy at any length.
 
     Example:
 
@@ -116,6 +117,9 @@ class ExponentialRun(SteppedRun):
     title: ClassVar[str] = "Exponential"
     method: ClassVar[str] = "exponential.Exponential"
     turns_in_space: ClassVar[bool] = False
+    takes_contact: ClassVar[bool] = True
+    takes_memory: ClassVar[bool] = False
+    keeps_energy: ClassVar[bool] = True
     limit_remedy: ClassVar[str] = "; exponential-rosenbrock does"
 
     integrator: Literal["exponential"]

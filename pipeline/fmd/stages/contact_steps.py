@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmd.core.errors import InputError
-from fmd.core.limits.contact import HALVED_STEPS, LARGEST_STEP, LOST_ENERGY
+from fmd.core.limits.contact import CHOSEN_STEP, HALVED_STEPS, LARGEST_STEP, LOST_ENERGY, SHOCK_STEPS
+from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiled_system.shared import make_system
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.integrators.protocol import evaluate
+from fmd.integrators.work_bounds import round_down
 from fmd.scene.runs import name_methods
-from fmd.stages.run_checks import require_inertia
+from fmd.stages.plan import Growth, Plan
+from fmd.stages.run_checks import require_free_start, require_inertia
 
 if TYPE_CHECKING:
     from fmd.dynamics.mechanism import Mechanism
     from fmd.recovery.motion import Motion
+    from fmd.scene.runs import Run
     from fmd.scene.scene import Scene
     from fmd.stages.pipeline import Pipeline
 
@@ -47,6 +54,60 @@ def require_steps_of_modes(scene: Scene, mechanism: Mechanism) -> None:
                 f"to half of that or less{remedies_of_contact(scene, k)}"
             )
             raise InputError(scene.file, step_key(scene, k), f"{step:.6g} s", fault)
+
+
+def limit_contact_step(built: Pipeline, plan: Plan, run: Run, free: bool, apart: Growth) -> Growth:
+    """Shorten the step of a run with contacts, or refuse it: from half of its limit on the highest modes gain energy.
+
+    They do so without damping, by opening and closing, though each of the two is stable by itself. Operating points,
+    which a motion without contacts would have, tell of sub-cycling alone, whose cycles are taken
+    ``apart`` from contacts.
+    """
+    require_free_start(built.scene, plan.system, plan.start)
+    step, substeps, limit = plan.integrator.step, plan.integrator.substeps, plan.integrator.largest_step(plan.system)
+    if run.chooses_steps:
+        return apart
+    if run.keeps_energy:
+        require_linear_rest(built.scene, built.scene.simulation.run.index(run), plan.system)
+    if free:
+        round_laws = any(own.law for body in plan.mechanism.contacts for own in body.contacts)
+        share = built.results.get("contact step", CHOSEN_STEP) * (SHOCK_STEPS if round_laws else 1.0)
+        resolved = 0.0 if round_laws or not run.passes_over else step_of_modes(built)
+        longest = substeps * share * min(limit, max(plan.system.largest_step, resolved))  # loads are frozen in a cycle
+        longest = plan.system.resolving_step(longest)[0] / substeps
+        return replace(apart, step=min(longest, apart.step or longest))
+    if step > LARGEST_STEP * limit:  # which an implicit method has none of
+        mend = (
+            f"lets contact feed the highest modes; with all points closed, steps are stable up to {limit:.4g} s, and "
+            f"{round_down(LARGEST_STEP * limit):g} s is the longest step, {round_down(CHOSEN_STEP * limit):g} s a good "
+            f"one{remedies_of_contact(built.scene, built.scene.simulation.run.index(run))}"
+        )
+        raise InputError(built.scene.file, plan.key, f"{step:.6g} s", mend)
+    return apart
+
+
+def require_linear_rest(scene: Scene, k: int, system: CompiledSystem) -> None:
+    """Check that all but contacts is linear in a mechanism whose energy a run's steps are to keep.
+
+    Raises
+    ------
+    InputError
+        Mass changes, or dampers, joints' stops or other forces that aren't linear act.
+    """
+    plain, rng = CompiledSystem(replace(system.mechanism, contacts=())), np.random.default_rng(0)
+    M, K, _ = plain.linear_matrices
+    q, v = rng.standard_normal((2, plain.n))
+    found, rest = np.zeros((2, plain.n))
+    evaluate(plain.parameters, 0.0, q, v, found)
+    evaluate(plain.parameters, 0.0, 0.0 * q, 0.0 * v, rest)
+    linear = rest - np.linalg.solve(M, K @ q)
+    if plain.has_loops or np.abs(found - linear).max(initial=0.0) > SOLVED * np.abs(linear).max(initial=1.0):
+        fault = (
+            "keeps the energy of contacts beside gravity, loads in time and linear springs alone, without dampers, "
+            f"loops or stops; {name_methods('takes_contact', 'turns_in_space')} take what else there is"
+        )
+        name = scene.simulation.run[k].integrator
+        raise InputError(scene.file, f"simulation.run.{k}.integrator", name, fault)
 
 
 def step_key(scene: Scene, k: int) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, ConvergenceError, InertiaError, InputError, StabilityError
-from fmd.core.limits.contact import CHOSEN_STEP, LARGEST_STEP, SHOCK_STEPS
+from fmd.core.limits.contact import CHOSEN_STEP
 from fmd.core.limits.mechanism import NO_FORCE
 from fmd.core.limits.stability import ALLOWED_GROWTH, LEAST_CYCLES, SURELY_STABLE, TRIED_PART, TRIED_TIMES
 from fmd.dynamics.compiled_system.shared import share_system
@@ -20,18 +20,16 @@ from fmd.dynamics.excited_modes import excited_part
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import Integrator, Trajectory
 from fmd.integrators.side_by_side import time_by_turns
-from fmd.integrators.work_bounds import round_down
 from fmd.scene.run_table import SubCycledRun
 from fmd.stability.safe_step import longest_safe_step
 from fmd.stages.buckling import StiffnessChange, find_changes, require_unbuckled
-from fmd.stages.contact_steps import most_halvings, remedies_of_contact, step_key, step_of_modes, steps_settle
+from fmd.stages.contact_steps import limit_contact_step, most_halvings, step_key, steps_settle
 from fmd.stages.found_together import known_marches, known_points
 from fmd.stages.like_mechanisms import build_like
 from fmd.stages.mechanism import find_start, place_joints
 from fmd.stages.plan import Growth, Plan, repeat_choice
 from fmd.stages.run_checks import (
     require_countable_steps,
-    require_free_start,
     require_inertia,
     require_known_phases,
     require_resolved_loads,
@@ -225,7 +223,12 @@ def _measure_growth(built: Pipeline, plan: Plan, run: Run, known: list[Operating
     method: Any = plan.integrator  # a method with a limit has a step, and resumes
     limit, free = method.largest_step(plan.system), built.scene.simulation.step == "auto" and not run.step
     if plan.mechanism.contacts:
-        return _limit_contact_step(built, plan, run, known, limit, free)
+        apart = Growth()
+        if plan.integrator.substeps > 1:
+            mechanism = replace(plan.mechanism, contacts=())
+            own = replace(plan, mechanism=mechanism, system=share_system(mechanism))
+            apart = _measure_growth(built, own, run, known)
+        return limit_contact_step(built, plan, run, free, apart)
     if not method.step < limit and not free:
         mend = (
             f"{method.name} would diverge; the largest stable step of this model is {limit:.4g} s "
@@ -256,39 +259,6 @@ def _measure_growth(built: Pipeline, plan: Plan, run: Run, known: list[Operating
             raise InputError(built.scene.file, plan.key, f"{method.step:.6g} s", mend)
         return Growth(longest, float(np.exp(points.e_folds(replace(method, step=longest)))))
     return Growth(None, float(np.exp(folds)))
-
-
-def _limit_contact_step(
-    built: Pipeline, plan: Plan, run: Run, known: list[OperatingPoints], limit: float, free: bool
-) -> Growth:
-    """Shorten the step of a run with contacts, or refuse it: from half of its limit on the highest modes gain energy.
-
-    They do so without damping, by opening and closing, though each of the two is stable by itself. Operating points,
-    which a motion without contacts would have, tell of sub-cycling alone, whose cycles are taken apart from contacts.
-    """
-    require_free_start(built.scene, plan.system, plan.start)
-    step, substeps, apart = plan.integrator.step, plan.integrator.substeps, Growth()
-    if run.chooses_steps:
-        return apart
-    if substeps > 1:
-        mechanism = replace(plan.mechanism, contacts=())
-        own = replace(plan, mechanism=mechanism, system=share_system(mechanism))
-        apart = _measure_growth(built, own, run, known)
-    if free:
-        round_laws = any(own.law for body in plan.mechanism.contacts for own in body.contacts)
-        share = built.results.get("contact step", CHOSEN_STEP) * (SHOCK_STEPS if round_laws else 1.0)
-        resolved = 0.0 if round_laws or not run.passes_over else step_of_modes(built)
-        longest = substeps * share * min(limit, max(plan.system.largest_step, resolved))  # loads are frozen in a cycle
-        longest = plan.system.resolving_step(longest)[0] / substeps
-        return replace(apart, step=min(longest, apart.step or longest))
-    if step > LARGEST_STEP * limit:  # which an implicit method has none of
-        mend = (
-            f"lets contact feed the highest modes; with all points closed, steps are stable up to {limit:.4g} s, and "
-            f"{round_down(LARGEST_STEP * limit):g} s is the longest step, {round_down(CHOSEN_STEP * limit):g} s a good "
-            f"one{remedies_of_contact(built.scene, built.scene.simulation.run.index(run))}"
-        )
-        raise InputError(built.scene.file, plan.key, f"{step:.6g} s", mend)
-    return apart
 
 
 def _describe_growth(method: Integrator, folds: float, longest: float) -> str:

@@ -33,6 +33,10 @@ HALVED_STEPS = 4  # times that a step left to the program is halved where contac
 CYCLES_ABOVE = 4.0  # of sub-cycling: with gaps that frames don't close in as many, nothing touches in the next one
 STEPS_ABOVE = 4.0  # steps for which a body's points stay above a plane, from which on they aren't placed
 
+EXACT_ROUNDS = 60  # of Newton's method for the forces over a step that keep the energy
+EXACTLY_KEPT = 1e-11  # of the energy: what such a step may make or lose by round-off of places
+FORCES_KNOWN = 1e-6  # of these forces: a change that no longer shrinks is their round-off, about a turn of the way
+EVEN_SHARE = 3e-5  # of the works at a step's begin and end: where these differ by less, both count half
 CHANGE_KNOWN = 1e-6  # of a step: how near to its end or begin surfaces come to touch, or leave, where one ends there
 ROUNDED_FORCE = 1e3  # times the round-off of accelerations, relative: forces follow from small differences of places
 MOST_CUTS = 6  # of a step, until it ends there

@@ -162,7 +162,8 @@ class TouchingSystem(CompiledSystem):
 
 
 @inner
-def _find_contacts(p: Any, t: float, q: Array, v: Array) -> None:
+def find_contacts(p: Any, t: float, q: Array, v: Array) -> None:
+    """Find the forces of contacts at a state, and their pushes on frames and modes."""
     set_inputs(p, float(t))
     call_native(p.frames, (p.inputs, q, v, p.origins, p.rotations, p.spins))
     touch(p.contact, t, q, p.origins, p.rotations)
@@ -170,14 +171,14 @@ def _find_contacts(p: Any, t: float, q: Array, v: Array) -> None:
 
 @accelerations.register(TouchingParameters)
 def _accelerations(p: TouchingParameters, t: float, q: Array, v: Array, a: Array) -> None:
-    _find_contacts(p, t, q, v)
+    find_contacts(p, t, q, v)
     call_native(p.pushed, (p.inputs, q, v, p.contact.push, p.contact.modal, a))
     _end_if_lost(p, a)
 
 
 @accelerations.register(TouchingClosedParameters)
 def _closed_accelerations(p: TouchingClosedParameters, t: float, q: Array, v: Array, a: Array) -> None:
-    _find_contacts(p, t, q, v)
+    find_contacts(p, t, q, v)
     push, modal = p.contact.push, p.contact.modal
     call_native(p.pushed, (p.inputs, q, v, p.units[0], push, modal, a, p.w, p.whole.x[0], p.whole.s[0]))
     keep_closed(p, q, a)
@@ -194,7 +195,7 @@ def _end_if_lost(p: Any, a: Array) -> None:
 @remember_contacts.register(TouchingParameters)
 @remember_contacts.register(TouchingClosedParameters)
 def _remember_contacts(p: Any, t: float, q: Array, v: Array) -> None:
-    _find_contacts(p, t, q, v)
+    find_contacts(p, t, q, v)
     remember(p.contact, t, p.origins, p.rotations)
 
 
@@ -227,7 +228,7 @@ def _take_leap(p: Any, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Arra
 @note_contacts.register(TouchingParameters)
 @note_contacts.register(TouchingClosedParameters)
 def _note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
-    _find_contacts(p, t, q, v)
+    find_contacts(p, t, q, v)
     evaluate_contacts(p.contact, t, p.origins, p.rotations)
     note_values(p.contact, values)
 
@@ -254,7 +255,7 @@ def _may_touch(p: Any, t: float, ahead: float, q: Array, v: Array) -> bool:
     set_inputs(p, float(t + ahead))
     call_native(p.frames, (p.inputs, p.q_ahead, v, p.origins, p.rotations, p.spins))
     note_corners(p.contact, p.origins, p.rotations)
-    _find_contacts(p, t, q, v)
+    find_contacts(p, t, q, v)
     if may_close(p.contact, ahead, q, v, p.origins, p.rotations):
         return True
     remember(p.contact, t, p.origins, p.rotations)
@@ -264,5 +265,5 @@ def _may_touch(p: Any, t: float, ahead: float, q: Array, v: Array) -> bool:
 @is_pressed.register(TouchingParameters)
 @is_pressed.register(TouchingClosedParameters)
 def _is_pressed(p: Any, t: float, q: Array, v: Array) -> bool:
-    _find_contacts(p, t, q, v)
+    find_contacts(p, t, q, v)
     return any_force(p.contact)
