@@ -1,7 +1,9 @@
 """The modes of a free body: complete, accurate, independent of units; refused when they fail their checks."""
 
+import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -392,6 +394,33 @@ def test_responses_that_do_not_fit_are_refused_before_they_are_solved_for(
     needs = r"responses of its \d+ unknowns to 2 loads need about [\d.e-]+ GB of memory, the machine has 2e-06 GB"
     with pytest.raises(TooLargeError, match=needs):
         solver.remembered_response(f)
+
+
+def test_a_search_that_does_not_fit_is_refused_before_it_begins(
+    small_bar: FEModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solver = FreeBodySolver(small_bar)
+    monkeypatch.setattr(factor, "available_memory", lambda: 2e3)
+    monkeypatch.setattr(solver, "_lanczos", lambda *_: pytest.fail("was searched"))
+    needs = r"search for 5 modes of its \d+ unknowns needs about [\d.e-]+ GB of memory, .*, or take fewer modes"
+    with pytest.raises(TooLargeError, match=needs):
+        solver.modes(5)
+
+
+@pytest.mark.parametrize(("count", "at_once"), [(60, 1), (10, 8)])
+def test_the_memory_of_a_search_is_foreseen(
+    slender_bar: FEModel, count: int, at_once: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # tracemalloc counts what NumPy allocates.
+    made = partial(factor.factorise, solver="multifrontal") if at_once > 1 else factor.factorise
+    solver = FreeBodySolver(slender_bar, factorise=made)
+    foreseen: list[float] = []
+    monkeypatch.setattr(factor, "refuse_too_large", lambda needed, *_, **__: foreseen.append(needed))
+    tracemalloc.start()
+    solver.modes(count)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert 0.5 * foreseen[0] < peak < foreseen[0]
 
 
 def test_alike_loads_share_their_search_and_answer_each_alone(small_bar: FEModel) -> None:

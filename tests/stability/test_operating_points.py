@@ -1,16 +1,22 @@
 """Operating points: where loads leave what rests, along a motion in closed form, and what a scheme adds about them."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.core.limits.stability import SPAN
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.system import System
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.subcycling import Subcycling
+from fmd.stability import operating_points
 from fmd.stability.amplification import cycle_growth
 from fmd.stability.operating_points import OperatingPoints, find_operating_points, find_steady_points, settle
-from fmd.stability.tangent import OperatingPoint
+from fmd.stability.tangent import OperatingPoint, scheme_growth_rates
 from tests.linear_system import LinearSystem
 
 REST = OperatingPoint(0.0, np.zeros(2), np.zeros(2))
@@ -109,3 +115,24 @@ def test_a_schemes_own_growth_adds_up_over_the_duration() -> None:
 def test_a_march_that_diverges_at_once_has_infinite_e_folds() -> None:
     points = OperatingPoints(LinearSystem(np.eye(2), np.eye(2), 1), (REST,), 1e6)
     assert points.e_folds(Subcycling(50.0, 2)) == np.inf
+
+
+@pytest.mark.parametrize(("frame", "spans"), [("joint-conforming", [1 / 16]), ("free", [1 / 16, 1.0])])
+def test_a_step_by_which_nothing_grows_is_known_after_a_part_of_the_span(
+    frame: str, spans: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = Pipeline(load_scene("beam-paper", [f"simulation.frame={frame}"]))
+    points = find_operating_points(run.system, run.mechanism, *run.start, run.scene.simulation.duration)
+    method = Subcycling(0.1 * Subcycling(1.0, 5).largest_step(run.system), 5)
+    taken: list[float] = []
+
+    def spied(method: Subcycling, system: System, at: Sequence[OperatingPoint], span: float) -> Array:
+        taken.append(span / (SPAN * points.duration))
+        return scheme_growth_rates(method, system, at, span)
+
+    monkeypatch.setattr(operating_points, "scheme_growth_rates", spied)
+    found = points.e_folds(method)
+    assert taken == spans
+    whole = scheme_growth_rates(method, run.system, points.points, SPAN * points.duration)
+    own = whole[:, : points.growth_rates.shape[1]] - np.maximum(points.growth_rates, 0.0)
+    assert found == pytest.approx(own.mean(axis=0).max() * points.duration, abs=1e-3)

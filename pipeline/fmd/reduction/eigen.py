@@ -33,9 +33,16 @@ from fmd.core.limits.modes import (
 )
 from fmd.core.progress import Advance
 from fmd.reduction.block_lanczos import largest_pairs
-from fmd.reduction.factor.factor import Factor, factorise, refuse_too_large
+from fmd.reduction.factor.factor import Factor, factorise, refuse_large_search, refuse_too_large
 from fmd.reduction.free_motions import wrong_count
-from fmd.reduction.inertia_relief import THIN, flexibility_at, held_stiffness, rounded_defect, solve_balanced
+from fmd.reduction.inertia_relief import (
+    THIN,
+    constrained_inverse,
+    flexibility_at,
+    held_stiffness,
+    rounded_defect,
+    solve_balanced,
+)
 from fmd.reduction.missed_modes import missed_eigenvalue
 from fmd.reduction.modes import EigenPairs
 from fmd.reduction.supports import remaining_rigid_motions, remove_fixed_unknowns, tie_rigid_faces
@@ -120,6 +127,8 @@ class FreeBodySolver:
         AccuracyError
             Residual or M-orthonormality exceed their limits, or there are not as many rigid-body modes as the holding
             leaves, six of a free body; the message gives the figure.
+        TooLargeError
+            The search wouldn't fit into memory.
         """
         n, B = self._K.shape[0], self._constraint_columns(constraints)
         inverse = constrained_inverse(self._inverse, B) if B.shape[1] else self._inverse
@@ -128,6 +137,7 @@ class FreeBodySolver:
         count = min(count, room)
         n_vectors = max(2 * count, count + 20)
         if n_vectors < (DENSE_FROM * room if self.shift < 0.0 and n <= MOST_DENSE else room):  # without, K has hinges
+            refuse_large_search(self._factor, n, count)
             eigenvalues, Phi = self._elastic_pairs(count, n_vectors, room, Z, inverse)
         else:
             held = np.concatenate([B, self._M @ Z], axis=1)
@@ -335,9 +345,12 @@ class FreeBodySolver:
         error = float(np.abs(Phi.T @ MPhi - np.eye(len(eigenvalues))).max())
         if not error < LARGEST_OVERLAP:
             raise AccuracyError(f"modes are not M-orthonormal: error {error:.1e} exceeds {LARGEST_OVERLAP:.0e}")
-        elastic = eigenvalues[n_rigid:]
-        defects = self._K @ Phi[:, n_rigid:] - elastic * MPhi[:, n_rigid:]
-        energies = np.einsum("ij,ij->j", defects, inverse(defects))
+        elastic, bent, moved = eigenvalues[n_rigid:], Phi[:, n_rigid:], MPhi[:, n_rigid:]
+        energies = np.empty_like(elastic)
+        for first in range(0, len(energies), COLUMNS_AT_ONCE):
+            some = slice(first, first + COLUMNS_AT_ONCE)
+            defects = self._K @ bent[:, some] - elastic[some] * moved[:, some]
+            energies[some] = np.einsum("ij,ij->j", defects, inverse(defects))
         residuals = np.sqrt(np.maximum(energies, 0.0) / (elastic - self.shift))
         worst = int(residuals.argmax())
         if not residuals[worst] < LARGEST_RESIDUAL:
@@ -382,17 +395,3 @@ def count_pieces(K: sp.csr_array, T: sp.csr_array | None = None) -> int:
     n = int(piece.max()) + 1
     within = sp.coo_array((np.ones(2 * len(x)), (np.r_[x, x], np.r_[y, z])), shape=(n, n))
     return int(connected_components(within, directed=False, return_labels=False))
-
-
-def constrained_inverse(inverse: Inverse, B: Array) -> Inverse:
-    """Inverse of A among the fields with ``Bᵀu = 0``: ``f → A⁻¹f − A⁻¹B (BᵀA⁻¹B)⁻¹ BᵀA⁻¹f``."""
-    Z = inverse(B)
-    weights = np.linalg.solve(B.T @ Z, Z.T)
-
-    def solve(f: Array) -> Array:
-        # The reaction is taken off the load first, and off the result again: A⁻¹ alone is large in rigid motions,
-        # which would have to cancel.
-        x = inverse(f - B @ (weights @ f))
-        return np.asarray(x - weights.T @ (B.T @ x))
-
-    return solve

@@ -170,3 +170,17 @@ def _inverse_of(A: Array) -> Array:
     whole = values > SUMMED * values.max(initial=0.0)
     V = scale[:, None] * vectors[:, whole]
     return np.asarray(V / values[whole] @ V.T)
+
+
+def constrained_inverse(inverse: Callable[[Array], Array], B: Array) -> Callable[[Array], Array]:
+    """Inverse of A among the fields with ``Bᵀu = 0``: ``f → A⁻¹f − A⁻¹B (BᵀA⁻¹B)⁻¹ BᵀA⁻¹f``."""
+    Z = inverse(B)
+    weights = np.linalg.solve(B.T @ Z, Z.T)
+
+    def solve(f: Array) -> Array:
+        # The reaction is taken off the load first, and off the result again: A⁻¹ alone is large in rigid motions,
+        # which would have to cancel.
+        x = inverse(f - B @ (weights @ f))
+        return np.asarray(x - weights.T @ (B.T @ x))
+
+    return solve

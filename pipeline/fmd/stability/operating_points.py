@@ -17,7 +17,15 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
 from fmd.core.limits import newton as limits
-from fmd.core.limits.stability import OPERATING_POINTS, RESOLVED_STEP, RIGID_STEPS, RIGID_TOLERANCE, SPAN
+from fmd.core.limits.stability import (
+    FIRST_SPAN,
+    NO_GROWTH,
+    OPERATING_POINTS,
+    RESOLVED_STEP,
+    RIGID_STEPS,
+    RIGID_TOLERANCE,
+    SPAN,
+)
 from fmd.core.newton import Tolerance, solve
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -69,7 +77,10 @@ class OperatingPoints:
             if method.maps_slopes(self.system):
                 by_scheme = map_growth_rates(method.map_slopes(self.slopes), method.step)[:, : shape[1]]
             else:
-                by_scheme = scheme_growth_rates(method, self.system, self.points, SPAN * self.duration)[:, : shape[1]]
+                for span in (FIRST_SPAN * self.duration, SPAN * self.duration):
+                    by_scheme = scheme_growth_rates(method, self.system, self.points, span)[:, : shape[1]]
+                    if by_scheme.max(initial=0.0) * self.duration < NO_GROWTH:
+                        break
         except StabilityError:
             return np.full(shape, np.inf)
         return by_scheme - np.maximum(self.growth_rates, 0.0) if by_scheme.max(initial=0.0) > 0.0 else by_scheme

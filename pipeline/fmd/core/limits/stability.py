@@ -18,6 +18,9 @@ OPERATING_POINTS = 8  # of a motion, in the middles of equal parts of the durati
 RIGID_STEPS = 20_000  # of the rigid motion, at least
 RESOLVED_STEP = 0.1  # step of the rigid motion over its largest stable one, at most
 SPAN = 1e-3  # of the duration: over so long a span the round-off of a tangent map is harmless
+# Part of the duration after which a tangent map is done if nothing grows by more e-folds over the duration; most steps
+# that are stable take no longer span.
+FIRST_SPAN, NO_GROWTH = SPAN / 16, 1e-3
 RIGID_TOLERANCE = 1e-6  # of a motion with all bodies rigid, by a method that chooses its steps
 RATE_NUDGE, ACCELERATION_NUDGE = 1e-4, 1e-2  # of central differences [SI units], larger than that of positions
 

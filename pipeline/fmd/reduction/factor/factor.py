@@ -18,7 +18,15 @@ from scipy.sparse.linalg import splu
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.memory import BYTES_FOR_CHOLMOD, BYTES_FOR_FRONTS, SHIFTED_BLOCKS, SMALL_SYSTEM
+from fmd.core.limits.memory import (
+    BYTES_FOR_CHOLMOD,
+    BYTES_FOR_FRONTS,
+    SHIFTED_BLOCKS,
+    SMALL_SYSTEM,
+    VECTORS_BESIDE,
+    VECTORS_OF_BLOCK,
+    VECTORS_OF_MODE,
+)
 from fmd.core.memory import available_memory
 from fmd.core.threads import one_thread
 from fmd.reduction.factor.figures import FactorFigures
@@ -192,6 +200,14 @@ def refuse_too_large(needed: float, what: str, how: str = "", remedy: str = "") 
             f"{what} about {needed / _GIGA:.3g} GB of memory{how}, the machine has {there / _GIGA:.3g} GB to spare; "
             f"make the mesh coarser{remedy}"
         )
+
+
+def refuse_large_search(factor: Factor, unknowns: int, count: int) -> None:
+    """Raise `TooLargeError` if the vectors of a search for so many modes don't fit into the available memory."""
+    if factor.lowest is None:  # in this process
+        vectors = VECTORS_OF_MODE * count + VECTORS_OF_BLOCK * factor.at_once + VECTORS_BESIDE
+        what = f"the search for {count} modes of its {unknowns} unknowns needs"
+        refuse_too_large(8.0 * unknowns * vectors, what, remedy=", or take fewer modes")
 
 
 def _cholmod(A: sp.csr_array, order: IntArray) -> Callable[[Array], Array]:
