@@ -16,8 +16,9 @@ a torque acts on the modes as if the section's own axes were the frame's.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -244,13 +245,18 @@ def robot(run) -> Twin:
 CASES = {"arm": ("arm", arm), "robot": (str(HERE / "scenes" / "robot.toml"), robot)}
 
 
+def prepare(name: str) -> tuple[Pipeline, Callable[[Any], float]]:
+    """Return a chain's scene as Exudyn has it, without geometric stiffening, and the error of its tip's positions."""
+    run = Pipeline(load_scene(CASES[name][0], [*few_modes(name), "simulation.stiffening=off"]))
+    exact = RungeKutta(1e-13).march(run.system, *run.start, sample_times(run.scene.simulation.duration))
+    return run, relative_error(Motion(run.mechanism, exact, run.scene.simulation.tip).tip_position)
+
+
 def measure(name: str) -> Iterator[WorkPrecisionRow]:
     """March a chain by Exudyn's solvers, coarse to fine, timed as our own benchmark does it."""
     import_exudyn()  # before the reference takes its time
-    scene, build = CASES[name]
-    run = Pipeline(load_scene(scene, [*few_modes(name), "simulation.stiffening=off"]))
-    duration = run.scene.simulation.duration
-    exact = RungeKutta(1e-13).march(run.system, *run.start, sample_times(duration))
-    error = relative_error(Motion(run.mechanism, exact, run.scene.simulation.tip).tip_position)
+    run, error = prepare(name)
     for solver in IMPLICIT:
-        yield from refine(build(run), duration, solver, COUNTS, error, FINEST, MOST_SECONDS)
+        yield from refine(
+            CASES[name][1](run), run.scene.simulation.duration, solver, COUNTS, error, FINEST, MOST_SECONDS
+        )

@@ -227,7 +227,7 @@ def peers(run: Pipeline, case: Case, wanted: Any) -> Iterator[tuple[Any, ...]]:
         relative_error(wanted),
     )
     for solver in IMPLICIT:
-        for row in refine(case.build(run), duration, solver, counts, error, FINEST, MOST_SECONDS, min):
+        for row in refine(case.build(run), duration, solver, counts, error, FINEST, MOST_SECONDS):
             yield row.integrator, row.step_s, row.seconds, row.error, row.evaluations
 
 

@@ -10,6 +10,7 @@ import io
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,28 @@ def samples_of(twin: Twin) -> list[Any]:
     return [np.array(twin.mbs.GetSensorStoredData(sensor))[:, 1:] for sensor in twin.sensors]
 
 
+def marches(
+    twin: Twin, duration: float, solver: str, counts: Iterable[int], error: Callable[[Any], float]
+) -> Iterator[tuple[int, int, float, Callable[[], float]]]:
+    """March a twin by a solver with ever more steps.
+
+    Yields steps, evaluations and the error of each march, and what marches so once more and returns its seconds.
+    """
+    exu = import_exudyn()
+    for n_steps in counts:
+        try:
+            _, evaluations = march(twin, duration, solver, n_steps, output=True)
+        except exu.ExudynError:  # diverged: nothing to compare at this step
+            continue
+        found = error(twin.figures(samples_of(twin)))
+        if found < 1.0:
+            yield n_steps, evaluations, found, partial(_seconds, twin, duration, solver, n_steps)
+
+
+def _seconds(twin: Twin, duration: float, solver: str, n_steps: int) -> float:
+    return march(twin, duration, solver, n_steps, output=False)[0]
+
+
 def refine(
     twin: Twin,
     duration: float,
@@ -99,23 +122,14 @@ def refine(
     error: Callable[[Any], float],
     finest: float,
     most_seconds: float,
-    typical: Callable[[list[float]], float] = min,
 ) -> Iterator[WorkPrecisionRow]:
     """March a twin by a solver with ever more steps, until a march takes too long or is as exact as wanted."""
-    exu = import_exudyn()
-    for n_steps in counts:
-        try:
-            _, evaluations = march(twin, duration, solver, n_steps, output=True)
-        except exu.ExudynError:  # diverged: nothing to compare at this step
-            continue
-        found = error(twin.figures(samples_of(twin)))
-        if not found < 1.0:
-            continue
-        seconds: list[float] = []
+    for n_steps, evaluations, found, again in marches(twin, duration, solver, counts, error):
+        seconds = [again()]
         while len(seconds) < REPEATS and sum(seconds) < most_seconds:
-            seconds.append(march(twin, duration, solver, n_steps, output=False)[0])
-        yield WorkPrecisionRow(f"Exudyn {solver}", duration / n_steps, 1, typical(seconds), found, evaluations)
-        if typical(seconds) > most_seconds or found < finest:
+            seconds.append(again())
+        yield WorkPrecisionRow(f"Exudyn {solver}", duration / n_steps, 1, min(seconds), found, evaluations)
+        if min(seconds) > most_seconds or found < finest:
             break
 
 

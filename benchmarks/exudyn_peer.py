@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -124,38 +125,40 @@ def beam(count: int = 5) -> Case:
 
 def rod_slider() -> Case:
     run = Pipeline(load_scene("rod-slider"))
-    scene, (q0, v0) = run.scene, run.start
-    rod, slider, slide, motor = scene.body["rod"], scene.body["slider"], scene.joint["slide"], scene.drive["motor"]
-    rest, duration = float(rod.marker["rest"].at[0]), scene.simulation.duration
-    exact = ScipyIvp("DOP853", 1e-12).march(run.system, q0, v0, sample_times(duration)).q
-
-    def build(_):  # joint coordinates know no constraints
-        exu = import_exudyn()
-        ii, across, zeros = exu.itemInterface, rod.mass * rod.length**2 / 12, np.zeros(3)
-        container = exu.SystemContainer()
-        mbs = container.AddSystem()
-        start = {"initialCoordinates": q0, "initialCoordinates_t": v0}
-        node = mbs.AddNode(ii.NodeGenericODE2(referenceCoordinates=np.zeros(2), numberOfODE2Coordinates=2, **start))
-        tree = ii.ObjectKinematicTree(
-            nodeNumber=node,
-            jointTypes=[exu.JointType.RevoluteZ, exu.JointType.PrismaticX],
-            linkParents=[-1, 0],
-            jointTransformations=exu.Matrix3DList([np.eye(3), np.eye(3)]),
-            jointOffsets=exu.Vector3DList([zeros, [rest, 0.0, 0.0]]),
-            linkInertiasCOM=exu.Matrix3DList([np.diag([0.0, across, across]), np.zeros((3, 3))]),
-            linkCOMs=exu.Vector3DList([[rod.length / 2, 0.0, 0.0], zeros]),
-            linkMasses=[rod.mass, slider.mass],
-            jointForceVector=[motor.torque.constant, 0.0],
-            jointPositionOffsetVector=[0.0, slide.rest],
-            jointPControlVector=[0.0, slide.spring],
-        )
-        mbs.AddObject(tree)
-        return assembled(mbs, node, [container], jacobian_each_step=True)
+    scene, duration = run.scene, run.scene.simulation.duration
+    exact = ScipyIvp("DOP853", 1e-12).march(run.system, *run.start, sample_times(duration)).q
 
     def tip(q):
-        return (rest + q[:, 1]) * np.exp(1j * q[:, 0])
+        return (float(scene.body["rod"].marker["rest"].at[0]) + q[:, 1]) * np.exp(1j * q[:, 0])
 
-    return Case(duration, build, lambda q: float(np.abs(tip(q) - tip(exact)).max()))
+    build = partial(rod_slider_twin, run, scene.joint["slide"].spring)
+    return Case(duration, lambda _: build(), lambda q: float(np.abs(tip(q) - tip(exact)).max()))
+
+
+def rod_slider_twin(run: Pipeline, spring: float) -> Twin:
+    """Build the rod and slider with a spring [N/m]; joint coordinates know no constraints."""
+    exu, scene, (q0, v0) = import_exudyn(), run.scene, run.start
+    rod, slider, slide, motor = scene.body["rod"], scene.body["slider"], scene.joint["slide"], scene.drive["motor"]
+    ii, across, zeros = exu.itemInterface, rod.mass * rod.length**2 / 12, np.zeros(3)
+    container = exu.SystemContainer()
+    mbs = container.AddSystem()
+    start = {"initialCoordinates": q0, "initialCoordinates_t": v0}
+    node = mbs.AddNode(ii.NodeGenericODE2(referenceCoordinates=np.zeros(2), numberOfODE2Coordinates=2, **start))
+    tree = ii.ObjectKinematicTree(
+        nodeNumber=node,
+        jointTypes=[exu.JointType.RevoluteZ, exu.JointType.PrismaticX],
+        linkParents=[-1, 0],
+        jointTransformations=exu.Matrix3DList([np.eye(3), np.eye(3)]),
+        jointOffsets=exu.Vector3DList([zeros, [float(rod.marker["rest"].at[0]), 0.0, 0.0]]),
+        linkInertiasCOM=exu.Matrix3DList([np.diag([0.0, across, across]), np.zeros((3, 3))]),
+        linkCOMs=exu.Vector3DList([[rod.length / 2, 0.0, 0.0], zeros]),
+        linkMasses=[rod.mass, slider.mass],
+        jointForceVector=[motor.torque.constant, 0.0],
+        jointPositionOffsetVector=[0.0, slide.rest],
+        jointPControlVector=[0.0, spring],
+    )
+    mbs.AddObject(tree)
+    return assembled(mbs, node, [container], jacobian_each_step=True)
 
 
 CASES: dict[str, Callable[[], Case]] = {

@@ -9,7 +9,8 @@ Compact mode is on, without which large mechanisms compile for minutes; seconds 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +24,10 @@ from fmd.dynamics.compiler.functions import series_of
 from fmd.dynamics.signals.signal import CONSTANT, PROGRAM, Signal
 from fmd.integrators.protocol import State, Trajectory
 from fmd.integrators.runge_kutta import RungeKutta
-from fmd.output.work_precision import WorkPrecisionRow, errors_of
+from fmd.output.work_precision import Errors, WorkPrecisionRow, errors_of
 
 HERE = Path(__file__).parent
-CASES = {"rod-slider": "rod-slider", "arm": "arm", "robot": str(HERE / "scenes" / "robot.toml")}
+CASES = {"rod-slider": "rod-slider", "beam": "beam-paper", "arm": "arm", "robot": str(HERE / "scenes" / "robot.toml")}
 TOLERANCES = [10.0**-k for k in range(2, 17, 2)]
 INTERVALS = 100
 
@@ -39,8 +40,8 @@ def import_heyoka() -> Any:
     return heyoka
 
 
-def signal_expression(signal: Signal) -> Any:
-    """Return a signal's value as an expression of time."""
+def signal_expression(signal: Signal, at: float) -> Any:
+    """Return a signal's value as an expression of time, of the terms that act at a time [s]."""
     hy = import_heyoka()
     binary = {
         codes.ADD: lambda a, b: a + b,
@@ -51,6 +52,8 @@ def signal_expression(signal: Signal) -> Any:
     unary = {codes.SIN: hy.sin, codes.COS: hy.cos, codes.EXP: hy.exp, codes.NEGATE: lambda a: -a}
     total: Any = 0.0
     for term in signal.terms:
+        if not term.support[0] <= at <= term.support[1]:
+            continue
         if term.kind == CONSTANT:
             total = total + term.numbers[0]
             continue
@@ -72,8 +75,8 @@ def signal_expression(signal: Signal) -> Any:
     return total
 
 
-def acceleration_expressions(system: Any, q: list[Any], v: list[Any]) -> list[Any]:
-    """Return the accelerations of a mechanism for expressions of its positions and rates."""
+def acceleration_expressions(system: Any, q: list[Any], v: list[Any], at: float) -> list[Any]:
+    """Return the accelerations of a mechanism for expressions of its positions and rates, by loads about a time [s]."""
     hy = import_heyoka()
     program = system.compiled.program("accelerations")
     graph, known = program.graph, {"q": q, "v": v}
@@ -85,7 +88,7 @@ def acceleration_expressions(system: Any, q: list[Any], v: list[Any]) -> list[An
         signal, derivative = divmod(place, 3)
         if signal >= len(system.compiled.signals):  # masses, springs and others
             return float(system.compiled.numbers[place - 3 * len(system.compiled.signals)])
-        value = signal_expression(system.compiled.signals[signal])
+        value = signal_expression(system.compiled.signals[signal], at)
         for _ in range(derivative):
             value = hy.diff(value, hy.time)
         return value
@@ -134,29 +137,52 @@ def acceleration_expressions(system: Any, q: list[Any], v: list[Any]) -> list[An
     return out
 
 
-def measure(name: str, repeats: int = 5) -> Iterator[WorkPrecisionRow]:
-    """March a scene by heyoka, coarse to fine, timed as our own benchmark does it."""
-    hy, run = import_heyoka(), Pipeline(load_scene(CASES[name], few_modes(name)))
-    system, (q0, v0) = run.system, run.start
+def taylor_marches(run: Pipeline) -> Iterator[tuple[Errors, int, Callable[[], float]]]:
+    """March a scene with ever smaller tolerances, from each of its loads' breakpoints to the next.
+
+    Yields errors and steps of each march, and what marches so once more and returns its seconds.
+    """
+    hy, system, (q0, v0) = import_heyoka(), run.system, run.start
     n, duration, errors = system.n, run.scene.simulation.duration, errors_of(run)
+    ends = [*(t for t in system.breakpoints if 0.0 < t < duration), duration]
     times = np.linspace(0.0, duration, INTERVALS + 1)
     exact = RungeKutta(1e-13).march(system, q0, v0, times)
-    names = [f"q{k}" for k in range(n)] + [f"v{k}" for k in range(n)]
-    variables = hy.make_vars(*names)
-    q, v = list(variables[:n]), list(variables[n:])
-    equations = list(zip(variables, [*v, *acceleration_expressions(system, q, v)], strict=True))
-    start = np.concatenate([q0, v0])
+    variables = hy.make_vars(*(f"q{k}" for k in range(n)), *(f"v{k}" for k in range(n)))
+    q, v, start = list(variables[:n]), list(variables[n:]), np.concatenate([q0, v0])
+    pieces = [
+        list(zip(variables, [*v, *acceleration_expressions(system, q, v, 0.5 * (first + last))], strict=True))
+        for first, last in pairwise([0.0, *ends])
+    ]
     for tolerance in TOLERANCES:
-        taylor = hy.taylor_adaptive(equations, start.tolist(), tol=tolerance, compact_mode=True)
-        grid = taylor.propagate_grid(times)
-        states, steps = grid[-1], grid[3]
-        found = Trajectory("heyoka", 0.0, 1, times, states[:, :n], states[:, n:], steps, 0, 0.0, State(0, q0, v0, v0))
+        methods = [hy.taylor_adaptive(piece, start.tolist(), tol=tolerance, compact_mode=True) for piece in pieces]
+
+        def march(methods: list[Any] = methods) -> float:
+            tick, time_now, state = time.perf_counter(), 0.0, start
+            for method, end in zip(methods, ends, strict=True):
+                method.time, method.state[:] = time_now, state
+                method.propagate_until(end)
+                time_now, state = end, method.state
+            return time.perf_counter() - tick
+
+        found, steps, state, first = [], 0, start, 0.0
+        for method, last in zip(methods, ends, strict=True):
+            grid = np.unique(np.r_[first, times[(first < times) & (times <= last)], last])
+            method.time, method.state[:] = first, state
+            *_, taken, _, states = method.propagate_grid(grid)
+            found.append(states[np.isin(grid, times) & ((grid > first) | (first == 0.0))])
+            steps, state, first = steps + taken, states[-1], last
+        q_found, v_found = np.split(np.concatenate(found), 2, axis=1)
+        no_state = State(0, q0, v0, v0)
+        trajectory = Trajectory("heyoka", 0.0, 1, times, q_found, v_found, steps, 0, 0.0, no_state)
+        yield errors(trajectory, exact), steps, march
+
+
+def measure(name: str, repeats: int = 5) -> Iterator[WorkPrecisionRow]:
+    """March a scene by heyoka, coarse to fine, timed as our own benchmark does it."""
+    run = Pipeline(load_scene(CASES[name], few_modes(name)))
+    for error, steps, march in taylor_marches(run):
         seconds: list[float] = []
         while len(seconds) < repeats or (sum(seconds) < REPEATED_SECONDS and len(seconds) < MOST_REPEATS):
-            taylor.time, taylor.state[:] = 0.0, start
-            tick = time.perf_counter()
-            taylor.propagate_until(duration)
-            seconds.append(time.perf_counter() - tick)
-        error = errors(found, exact)
+            seconds.append(march())
         figures = (min(seconds), error.tip, steps, error.modal, error.joint)
-        yield WorkPrecisionRow("heyoka", duration / steps, 1, *figures)
+        yield WorkPrecisionRow("heyoka", run.scene.simulation.duration / steps, 1, *figures)

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
-from math import exp, inf, isfinite, log
+from math import exp, inf, isfinite, isnan, log
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -108,6 +108,18 @@ def loops() -> str:
             ratio = f"{format_ratio(peer / own[best])} ×" if isfinite(peer) else "–"
             rows.append([scene, f"{error:.0e}", best, format_seconds(own[best]), format_seconds(peer), ratio])
     return markdown(("mechanism", "error", "fastest of ours", "time", "Exudyn's", "ratio"), rows)
+
+
+def peers() -> str:
+    """Tabulate least times of ours and of other programs that took turns; a dash where an error isn't reached."""
+    rows = []
+    for row in read_rows("peers"):
+        ratio, error = float(row["ratio"]), f"{row['error']:.0e}" if row["error"] else "–"
+        ahead = "not reached" if isnan(ratio) else "ahead" if ratio > 1.0 else "not ahead"
+        times = [format_seconds(float(row[key])) for key in ("seconds", "peer_seconds")]
+        shown = "–" if isnan(ratio) else f"{format_ratio(ratio)} ×"
+        rows.append([row["what"], error, row["method"], times[0], row["peer"], times[1], shown, ahead])
+    return markdown(("mechanism", "error", "ours", "time", "peer", "its time", "over ours", "ours is"), rows)
 
 
 def subcycling() -> str:
@@ -362,6 +374,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "truth": truth,
     "truth-pairs": truth_pairs,
     "loops": loops,
+    "peers": peers,
     "auto-choice": auto_choice,
     "auto-error": auto_error,
     "fmu": fmu,
