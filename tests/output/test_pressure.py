@@ -38,10 +38,11 @@ def test_the_picture_has_the_largest_pressure_at_its_place_and_the_force_by_area
     dropped: Pipeline, tmp_path: Path
 ) -> None:
     drawn, floor = draw(dropped, tmp_path), dropped.motion.contacts["floor"]
-    frame = int(floor.peak_pressure.argmax())
     points = dropped.parts["block"].contact_points
-    assert drawn["values"].max() == pytest.approx(1e-6 * floor.peak_pressure[frame], rel=1e-12)
-    assert f"at {1e3 * dropped.motion.times[frame]:.4g} ms" in drawn["label"]
+    assert floor.largest[2] > 1.01 * floor.peak_pressure.max()  # it passes between output times
+    assert drawn["values"].max() == pytest.approx(1e-6 * floor.largest[2], rel=1e-12)
+    k, time = int(floor.tops[:, 2].argmax()), 1e-3 * float(drawn["label"].split(" at ")[1].split()[0])
+    assert dropped.motion.times[k - 1] < time < dropped.motion.times[k]
     pressed = drawn["surface"].points[drawn["values"] > 0.0]
     assert np.ptp(pressed[:, 1]) < 1e-12  # on the bottom alone
     pressures = dropped.motion.contact_pressures["block"][:, points.faces["bottom"]]

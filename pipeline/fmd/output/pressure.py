@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,35 +12,39 @@ from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.errors import InputError
-from fmd.core.limits.contact import ASLANT
+from fmd.core.limits.contact import ASLANT, PEAK_TIMES
+from fmd.core.limits.round_off import SUMMED
 from fmd.output.mechanism_view import body_surface
 from fmd.output.output_kinds import OutputKind
 from fmd.output.pictures import camera_of
 from fmd.recovery.wear import worn_faces
 from fmd.render.calls import Drawer, draw_here
+from fmd.stages.plan import is_long_again, repeat_choice
 
 if TYPE_CHECKING:
     from fmd.contact.touching_body import TouchingBody
+    from fmd.recovery.motion import Motion
     from fmd.render.surface import Surface
     from fmd.scene.stress_outputs import ContactPressure
     from fmd.stages.pipeline import Pipeline
 
 
 def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Drawer = draw_here) -> None:
-    """Draw a contact's pressure, slip or wear at the output time at which it is largest, which is labelled.
+    """Draw a contact's pressure when it is largest of all steps, or slip or wear at the output time at which it is.
 
     A near field's grid is smaller than elements: nodes beside it have its pressure, and the label the area it is on.
     """
-    (touching,) = (own for own in run.motion.mechanism.contacts if output.contact in own.names)
+    motion = _with_largest_pressure(run, output.contact) if output.quantity == "pressure" else run.motion
+    (touching,) = (own for own in motion.mechanism.contacts if output.contact in own.names)
     quantity, unit, scale = output.quantity, *(("MPa", 1e-6) if output.quantity == "pressure" else ("µm", 1e6))
-    body, face, own, found = _find_field(run, touching, output)
-    (points,) = (each.points for each in run.motion.mechanism.contacts if each.body == body)
+    body, face, own, found = _find_field(run, motion, touching, output)
+    (points,) = (each.points for each in motion.mechanism.contacts if each.body == body)
     found = scale * found
     frame = int(found.max(axis=1).argmax())
     if not found[frame].any():
         number = run.scene.output.index(output) if output in run.scene.output else 0
         what = "presses" if quantity == "pressure" else "rubs"
-        message = f"{what} nothing at any output time; a shorter output_step, or a longer duration, may show it"
+        message = f"{what} nothing at any output time; a longer duration, or a shorter output_step, may show it"
         raise InputError(run.scene.file, f"output.{number}.contact", output.contact, message)
     surface, part = body_surface(run, body), run.wholes[body]
     _, places = cKDTree(run.bodies[body].x[part.surface.nodes]).query(points.x[own])
@@ -48,8 +53,8 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
     known[places] = True
     on_face = np.isin(part.surface.nodes, part.markers[face].nodes)
     values = _fill(values, known, on_face, surface.triangles)
-    peak, time = found[frame].max(), run.motion.times[frame]
-    wide = f", on {1e6 * run.motion.contacts[output.contact].area[frame]:.3g} mm²" if face in points.grids else ""
+    peak, time = found[frame].max(), motion.times[frame]
+    wide = f", on {1e6 * motion.contacts[output.contact].area[frame]:.3g} mm²" if face in points.grids else ""
     draw(
         "pictures.draw_field",
         surface,
@@ -64,9 +69,29 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
     )
 
 
-def _find_field(run: Pipeline, touching: TouchingBody, output: ContactPressure) -> tuple[str, str, IntArray, Array]:
-    """Return body, face and points of what is drawn, and its values at these (n_times, n_points) [Pa or m]."""
+def _with_largest_pressure(run: Pipeline, contact: str) -> Motion:
+    """Return the first run's motion, with all steps between the output times between which pressure is largest.
+
+    It takes another march in the same steps, unless that is long.
+    """
     motion = run.motion
+    own, step = motion.contacts[contact], motion.trajectory.step
+    largest = own.tops[:, 2]
+    k = int(np.nanargmax(largest))
+    if k == 0 or largest[k] <= (1.0 + SUMMED) * own.peak_pressure.max() or is_long_again(motion):
+        return motion
+    begin, end = motion.times[k - 1 : k + 1]
+    count = math.ceil((end - begin) / step)
+    times = step * (math.floor(begin / step) + np.arange(1, count + 1, max(1, count // PEAK_TIMES)))
+    times = np.r_[motion.times[:k], times[(times > begin) & (times < end)], end]
+    plan = repeat_choice(next(iter(run.plans.values())), motion.trajectory)
+    return run.motion_by(plan, plan.march(times))
+
+
+def _find_field(
+    run: Pipeline, motion: Motion, touching: TouchingBody, output: ContactPressure
+) -> tuple[str, str, IntArray, Array]:
+    """Return body, face and points of what is drawn, and its values at these (n_times, n_points) [Pa or m]."""
     if output.quantity == "wear":
         for worn in worn_faces(motion, output.contact):
             if worn.body in run.parts and output.body in (None, worn.body):
