@@ -7,6 +7,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from itertools import permutations
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -45,14 +46,20 @@ from scipy.optimize import brentq
 from fmd.core.arrays import Array
 from fmd.core.limits.memory import ALLOCATIONS
 from fmd.core.paths import kernel_folder
+from fmd.core.processes import ChildError
 from fmd.dynamics.compiler import store
 from fmd.fem.assembly import assemble
+from fmd.fem.formats import meshio_reader
 from fmd.fem.material import Material
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
 from fmd.kernels import kernel
 from fmd.kernels.machine import compile_object
 from fmd.meshes.bar import hexahedral_bar
+from fmd.output.picture_files import DrawingProcess
+from fmd.render.calls import draw_here
+from fmd.stages import visual_files
+from fmd.stages.meshing import cad_files
 
 gc.set_threshold(4 * ALLOCATIONS)  # tests build as many objects as the command does, beside what the process keeps
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -112,7 +119,7 @@ def with_own_cache() -> Callable[[Path], dict[str, str]]:
 QUICKLY_COMPILED = {
     *("contact", "dynamics", "fitting", "integrators", "responses", "stability"),
     # a function of its own for each scene, which is hardly marched
-    *("test_controllers", "test_deformation", "test_details", "test_large_deflection", "test_links"),
+    *("test_controllers", "test_deformation", "test_details", "test_histories", "test_large_deflection", "test_links"),
     *("test_loads_through_bodies", "test_loop_scenes", "test_overstated", "test_pieces", "test_pressure"),
     *("test_propeller_scenes", "test_spin_up", "test_stress", "test_stretched_bars", "test_suite", "test_truth"),
     *("test_turning_pieces", "test_warping_pieces", "test_work"),
@@ -147,6 +154,35 @@ def least_effort(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
     for own in entered:
         own._entries.clear()
+
+
+OWN_PROCESSES = {"test_drawing_process", "test_import_mesh", "test_mesh_fuzz", "test_processes", "test_run"}
+"""Files whose runs start all processes that those of users do."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def in_this_process(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Read CAD files and meshes here, and draw here, which has the libraries that a process would load each time.
+
+    Some 250 of them start in a run of all tests; most take a third of their time to begin, those that draw a whole
+    second.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        if request.path.stem not in OWN_PROCESSES:
+            for module in (cad_files, meshio_reader, visual_files):
+                patch.setattr(module, "run_child", _call_here)
+            patch.setattr(DrawingProcess, "start", lambda _: None)
+            patch.setattr(
+                DrawingProcess, "__call__", lambda _, *arguments, **settings: draw_here(*arguments, **settings)
+            )
+        yield
+
+
+def _call_here(target: str, *arguments: str, **_: Any) -> str:
+    module, _, function = target.partition(":")
+    if said := getattr(import_module(module), function)([*arguments]):
+        raise ChildError(said)
+    return ""
 
 
 def _folder_of_quick_kernels() -> Path:

@@ -17,6 +17,7 @@ def path(tmp_path_factory) -> Path:
     """A block of 20 × 10 × 10 mm with a bore of 4 mm along z, and one of 10 mm that touches it."""
     path = tmp_path_factory.mktemp("cad") / "blocks.step"
     with gmsh_model("blocks") as gmsh:
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")  # else that of the model before may be written
         occ = gmsh.model.occ
         occ.cut([(3, occ.addBox(0, 0, 0, 20, 10, 10))], [(3, occ.addCylinder(5, 5, -1, 0, 0, 12, 2))])
         occ.addBox(20, 0, 0, 10, 10, 10)
