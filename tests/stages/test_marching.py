@@ -16,7 +16,7 @@ from fmd.stages.store import StageStore
 class LossyRun:
     """A run without flexible bodies, whose mass matrix isn't positive definite after the first so many marches."""
 
-    scene: Any = SimpleNamespace(simulation=SimpleNamespace(n_outputs=1), contact={})
+    scene: Any = SimpleNamespace(simulation=SimpleNamespace(n_outputs=1, run=()), contact={})
     store = StageStore(Cache(None))
     output_times, stiffness_changes, whole_energy = (0.0,), None, False
     mechanism: Stage[str] = Stage("mechanism", lambda run: "made anew")
