@@ -19,7 +19,7 @@ from fmd.accuracy.estimators import Estimates
 from fmd.accuracy.time_limit import LeftOutError, TimeLimit
 from fmd.accuracy.truncation import _work_of_vibrations, require_start
 from fmd.core.cache import Cache
-from fmd.core.interruption import interrupted_by
+from fmd.core.progress import interrupted_by
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.recovery.motion import Motion

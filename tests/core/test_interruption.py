@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fmd.core import newton
-from fmd.core.interruption import check_for_interruption, interrupted_by
+from fmd.core.progress import check_for_interruption, interrupted_by
 
 
 class EnoughError(Exception):

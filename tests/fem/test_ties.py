@@ -15,7 +15,7 @@ from fmd.fem.markers import face_marker
 from fmd.fem.material import Material
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
-from fmd.fem.polygons import bilinear_places, common_triangles
+from fmd.fem.mortar import bilinear_places, common_triangles
 from fmd.fem.ties import tie_faces
 from fmd.reduction.eigen import FreeBodySolver
 

@@ -13,7 +13,7 @@ import fmd as package
 from fmd.cli import sensitivities
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.fitting.changed_scene import write_changed_scene
+from fmd.fitting.fit_files import write_changed_scene
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.fitting.sensitivities import Sensitivity
 from fmd.output.channels import ResultChannel

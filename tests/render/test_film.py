@@ -9,7 +9,6 @@ import imageio_ffmpeg  # type: ignore[import-untyped]
 import numpy as np
 import pytest
 
-from fmd.render import drawn_mechanism
 from fmd.render import film as film_module
 from fmd.render.camera import Camera
 from fmd.render.colours import film_limits
@@ -179,8 +178,8 @@ def test_a_film_has_one_plotter_and_one_part(tmp_path: Path, beam: Surface, monk
         real = getattr(module, name)
         return lambda *arguments, **settings: made.append(name) or real(*arguments, **settings)
 
-    for module, name in ((film_module, "open_canvas"), (drawn_mechanism, "add_part_by_values")):
-        monkeypatch.setattr(module, name, counted(module, name))
+    for name in ("open_canvas", "add_part_by_values"):
+        monkeypatch.setattr(film_module, name, counted(film_module, name))
     film(turning(beam, 3), tmp_path / "film.gif")
     assert made == ["open_canvas", "add_part_by_values"]
 

@@ -13,8 +13,8 @@ from fmd.output.responses import compute_response
 from fmd.responses.random_vibration import random_response
 from fmd.responses.state_space import Channel, StateSpace, choose_frequencies
 from fmd.scene.scene import load_scene
+from fmd.stages.linear_model import read_density
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.spectral_density import read_density
 
 AT = ("--psd", "")
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.interruption import interrupted_by
 from fmd.core.limits.patience import JUDGED_AFTER
+from fmd.core.progress import interrupted_by
 
 FAULTS = (AccuracyError, InputError, np.linalg.LinAlgError)
 """Errors of a variant of a run that leave an estimate out; the run itself has its results."""

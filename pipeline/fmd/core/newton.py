@@ -13,8 +13,8 @@ from typing import Any, Generic, Literal, TypeVar
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.interruption import check_for_interruption
 from fmd.core.limits.newton import MOST_HALVINGS, STALLED
+from fmd.core.progress import check_for_interruption
 
 State = TypeVar("State")
 Failure = Literal["", "too many corrections", "ran away", "singular", "no better"]

@@ -1,4 +1,4 @@
-"""Progress of long tasks on standard error: a bar for each at a terminal, elsewhere a line now and then."""
+"""Progress of long tasks on standard error, a bar for each at a terminal, and how whoever waits for them ends them."""
 
 from __future__ import annotations
 
@@ -8,10 +8,34 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Protocol
 
 from fmd.core.limits.patience import SAY_AFTER_SECONDS, SHOW_AFTER_SECONDS
+
+
+def _nothing() -> None:
+    pass
+
+
+_check: ContextVar[Callable[[], None]] = ContextVar("check", default=_nothing)
+
+
+def check_for_interruption() -> None:
+    """Raise what the innermost `interrupted_by` raises, if it does; searches call this in each of their iterations."""
+    _check.get()()
+
+
+@contextmanager
+def interrupted_by(check: Callable[[], None]) -> Iterator[None]:
+    """Have searches within call ``check`` now and then, which raises an error to end them."""
+    token = _check.set(check)
+    try:
+        yield
+    finally:
+        _check.reset(token)
+
 
 Advance = Callable[[float], None]
 """Takes the part of a task that is done, 0…1."""

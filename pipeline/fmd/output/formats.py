@@ -17,7 +17,7 @@ from fmd.fem.formats.abaqus import SUFFIXES
 from fmd.fem.model import FEModel
 from fmd.reduction.craig_bampton import Superelement
 from fmd.reduction.formats.body_format import DrawnBody, ExportedBody, LoadCases, body_format
-from fmd.reduction.load_cases import shape_cases, stiffening_cases
+from fmd.reduction.formats.load_cases_file import shape_cases, stiffening_cases
 from fmd.reduction.modal_data import ModalData, modal_data
 from fmd.reduction.modes import Modes
 from fmd.scene.imported_bodies import MatrixPart

@@ -67,7 +67,7 @@ def draw_history(run: Pipeline, output: History, folder: Path, draw: Drawer = dr
         beyond = f": {say_missed(missed)}" if missed > MISSED_PEAK else ""
         frames.append(HistoryFrame(variable.name + beyond, variable.units, columns[:, chosen], components, stated))
     title = output.title or f"{run.scene.title}: {Path(output.file).stem}"
-    draw("history_chart.draw_histories", run.motion.times, frames, folder / output.file, title=title)
+    draw("charts.draw_histories", run.motion.times, frames, folder / output.file, title=title)
 
 
 def _leave_out_round_off(variables: Sequence[Variable]) -> list[Variable]:

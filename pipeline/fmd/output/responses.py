@@ -23,9 +23,8 @@ from fmd.output.stated_errors import with_plain_error
 from fmd.responses.random_vibration import RandomResponse, random_response
 from fmd.responses.state_space import choose_frequencies
 from fmd.scene.outputs import FrequencyResponseChart
-from fmd.stages.linear_model import LinearModel, linearise_scene
+from fmd.stages.linear_model import LinearModel, linearise_scene, read_density
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.spectral_density import read_density
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from fmd.core import newton
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import AccuracyError
-from fmd.core.interruption import check_for_interruption
 from fmd.core.limits import stability as limits
 from fmd.core.limits.newton import SHORTEST_NORM
+from fmd.core.progress import check_for_interruption
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.protocol import Integrator, evaluate_projection, move_positions
 from fmd.integrators.step_control import groups_of

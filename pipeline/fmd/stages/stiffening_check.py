@@ -19,9 +19,8 @@ from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.controllers import HeldValues
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.least_work import share_open_loads
 from fmd.dynamics.mechanism import Mechanism
-from fmd.dynamics.open_loads import largest_residual, open_loads
+from fmd.dynamics.open_loads import largest_residual, open_loads, share_open_loads
 from fmd.dynamics.transmitted_loads import BodyLoads, change_by_inertia, transmitted_loads, without_negligible_terms
 from fmd.integrators.protocol import Integrator
 from fmd.reduction.body import FlexibleBody

@@ -29,7 +29,7 @@ from fmd.fem.thicken import Sheet, thicken
 from fmd.output.formats import write_format
 from fmd.output.frequencies import rotating_table
 from fmd.reduction.eigen import FreeBodySolver
-from fmd.reduction.load_cases import stiffening_cases
+from fmd.reduction.formats.load_cases_file import stiffening_cases
 from fmd.reduction.loads import inertia_of
 from tests.fem.formats.test_six_unknowns import SI, write
 
