@@ -74,7 +74,7 @@ def strip(folder: Path, force: str, *settings: str) -> Pipeline:
 def stated_errors(run: Pipeline) -> dict[str, float]:
     """Return the stated errors of a run by large deflection."""
     names = dict.fromkeys(("strip, largest von Mises stress",))
-    found = deflection_errors(run, names | motion_quantities(run, run.motion, run.motion))
+    found = deflection_errors(run, names | motion_quantities(run.motion, run.motion))
     return {name: SAFETY * error for name, error in found.items()}
 
 

@@ -17,7 +17,7 @@ def true_errors(run: Pipeline, finer: Pipeline, details: bool = False) -> dict[s
     """
     estimates, motion = Estimates(run), finer.motion
     places = {name: part.element_places for name, part in run.parts.items() if part.elements}
-    exact = mesh_quantities(finer, run) | motion_quantities(finer, motion, finer.fine_motion)
+    exact = mesh_quantities(finer, run) | motion_quantities(motion, finer.fine_motion)
     if run.parts:
         exact |= stress_quantities(finer, motion, np.arange(len(motion.times)), places=places)
     if details:

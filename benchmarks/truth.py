@@ -123,7 +123,7 @@ def reference_errors(case: Case, run: Pipeline, file: Path) -> dict[str, tuple[f
             name: (error, 0.0) for name, error in true_errors(run, finer_run(file, case, run), details=True).items()
         }
     exact, off = APART[case.kind](case)
-    ours = motion_quantities(run, run.motion, run.fine_motion) | detail_quantities(run.scene, run.motion)
+    ours = motion_quantities(run.motion, run.fine_motion) | detail_quantities(run.scene, run.motion)
     ours |= stress_quantities(run, run.motion, np.arange(len(run.motion.times)))
     return {name: (ours[name].error(each), off[name]) for name, each in exact.items() if is_compared(each, ours)}
 

@@ -88,7 +88,7 @@ def test_a_loop_whose_longer_and_richer_steps_have_no_solution_is_estimated_by_s
     exact = Pipeline(
         load_scene("four-bar", ["simulation.duration=0.4 s", "simulation.run.0.step=0.25 ms"]), Cache(None)
     )
-    finer = motion_quantities(exact, exact.motion, exact.fine_motion)
+    finer = motion_quantities(exact.motion, exact.fine_motion)
     for name in ("D, angle", "tip, deflection"):
         true = estimates.quantities[name].error(finer[name])
         assert true <= SAFETY * time[name] <= 10 * true

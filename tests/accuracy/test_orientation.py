@@ -64,7 +64,7 @@ def test_a_body_that_tumbles_about_its_middle_axis_states_how_far_its_orientatio
     file = tmp_path / "tumble.toml"
     file.write_text(TUMBLE)
     run = Pipeline(load_scene(file))
-    found = motion_quantities(run, run.motion, run.fine_motion)
+    found = motion_quantities(run.motion, run.fine_motion)
     assert isinstance(found["flight, orientation"], OrientationQuantity)
     exact = OrientationQuantity("flight, orientation", "rad", tumbled(run.output_times))
     assert exact.scale > 3.0  # it turns over

@@ -61,9 +61,9 @@ def test_large_deflection_is_stated_of_what_depends_on_it() -> None:
     run = Pipeline(load_scene("spin-up", SPIN_UP))
     more = ["body.beam.pieces=4", "body.beam.modes={count=4}", "simulation.error=1e-5"]
     pieces = Pipeline(load_scene("spin-up", [*SPIN_UP, *more]), run.store.cache)
-    exact = motion_quantities(pieces, pieces.motion, pieces.fine_motion)
+    exact = motion_quantities(pieces.motion, pieces.fine_motion)
     exact |= detail_quantities(pieces.scene, pieces.motion)
-    ours = motion_quantities(run, run.motion, run.fine_motion) | detail_quantities(run.scene, run.motion)
+    ours = motion_quantities(run.motion, run.fine_motion) | detail_quantities(run.scene, run.motion)
     budget = state_errors(run)
     stated = {row.name: row.total for row in (*budget.rows, *budget.details)}
     compared = {name: ours[name].error(exact[name]) for name in stated if name in ours and name in exact}

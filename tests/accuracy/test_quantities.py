@@ -15,7 +15,7 @@ def beam() -> Pipeline:
 
 
 def test_a_beam_on_a_hinge_has_joint_energies_and_tip(beam: Pipeline) -> None:
-    found = motion_quantities(beam, beam.motion, beam.fine_motion)
+    found = motion_quantities(beam.motion, beam.fine_motion)
     assert list(found) == [
         "hub, angle",
         "hub, rate",
@@ -31,7 +31,7 @@ def test_a_beam_on_a_hinge_has_joint_energies_and_tip(beam: Pipeline) -> None:
 
 def test_rigid_bodies_have_joints_in_their_units() -> None:
     run = Pipeline(load_scene("rod-slider", ["simulation.duration=0.1 s"]))
-    found = motion_quantities(run, run.motion, run.fine_motion)
+    found = motion_quantities(run.motion, run.fine_motion)
     of_slide = ["slide, position", "slide, rate"]
     assert list(found) == ["hinge, angle", "hinge, rate", "kinetic energy", "potential energy", *of_slide]
     assert {name: quantity.unit for name, quantity in found.items()}["slide, rate"] == "m/s"
@@ -39,7 +39,7 @@ def test_rigid_bodies_have_joints_in_their_units() -> None:
 
 def test_a_joint_whose_motion_is_given_has_no_result() -> None:
     run = Pipeline(load_scene("spin-up", ["simulation.duration=0.5 s", "body.beam.mesh.divisions=[10, 1, 1]"]))
-    assert not any(name.startswith("hub") for name in motion_quantities(run, run.motion, run.fine_motion))
+    assert not any(name.startswith("hub") for name in motion_quantities(run.motion, run.fine_motion))
 
 
 def test_the_mesh_gives_frequencies_and_mass(beam: Pipeline) -> None:

@@ -42,7 +42,7 @@ class Comparison:
         self.frames: IntArray = np.arange(0)
         self.corrections: dict[str, float] = {}  # what finer computations add to values so far
         self.of_mesh = mesh_quantities(run)
-        self.of_motion = motion_quantities(run, self.motion, run.fine_motion)
+        self.of_motion = motion_quantities(self.motion, run.fine_motion)
         self.pair: Pair | str = "not made"  # the run and its scene on a coarser mesh, or why there is none
         self.damped: dict[str, float] = {}  # part of each that the variants' steps damp; empty by the run's own
         self.hot: dict[str, IntArray] = {}
@@ -132,7 +132,7 @@ class Comparison:
     ) -> Quantities:
         """Return the quantities of a motion at the run's fine times; stress only at the chosen output times."""
         motion = replace(fine, trajectory=self.at_outputs(fine.trajectory))
-        quantities = motion_quantities(run, motion, fine)
+        quantities = motion_quantities(motion, fine)
         if run.parts:
             quantities |= stress_quantities(run, motion, self.frames, nodes, places, as_if)
         details = detail_quantities(run.scene, motion)

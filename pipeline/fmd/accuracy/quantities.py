@@ -43,7 +43,7 @@ def match_modes(part: FlexiblePart, other: FlexiblePart) -> Modes:
     return replace(modes, omega=modes.omega[numbers], shapes=modes.shapes[:, :, numbers], numbers=places)
 
 
-def motion_quantities(run: Pipeline, motion: Motion, fine: Motion) -> Quantities:
+def motion_quantities(motion: Motion, fine: Motion) -> Quantities:
     """Compute joints, tip and energies over time; a joint whose motion is given has no result.
 
     Of joints with several coordinates it is how the body that they carry lies in space. ``fine`` has many more times

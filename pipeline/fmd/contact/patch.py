@@ -48,7 +48,7 @@ def touch(c: ContactTable, t: float, q: Array, origins: Array, rotations: Array)
         if damped and repeats_step(c, g):
             push_bodies(c, g, q, origins, rotations)
             continue
-        touches = _measure_gaps(c, g, origins, rotations) < 0.0
+        touches = _measure_gaps(c, g, origins) < 0.0
         if touches and not _find_forces(c, g):
             c.clock[1] = max(c.clock[1], 1.0)
         if damped:
@@ -58,7 +58,7 @@ def touch(c: ContactTable, t: float, q: Array, origins: Array, rotations: Array)
 
 
 @inner
-def _measure_gaps(c: ContactTable, g: int, origins: Array, rotations: Array) -> float:
+def _measure_gaps(c: ContactTable, g: int, origins: Array) -> float:
     """Return the smallest gap in a group without forces, and note the round-off of its places."""
     lowest, largest = math.inf, 0.0
     for i in range(c.group[g], c.group[g + 1]):

@@ -11,7 +11,7 @@ from fmd.core.errors import InputError
 from fmd.core.rotations import rigid_motions
 from fmd.fem.assembly import assemble
 from fmd.fem.formats.ansys import read_ansys
-from fmd.fem.formats.import_beam import read_beams
+from fmd.fem.formats.import_joined import read_structure
 from fmd.fem.formats.import_mesh import read_mesh
 from fmd.fem.formats.import_shell import GivenSections, read_shell
 from fmd.fem.formats.raw_mesh import MeshFileError
@@ -174,12 +174,12 @@ def test_shells_and_beams_are_those_of_the_same_deck_of_nastran(tmp_path: Path) 
     ):
         at = np.concatenate([BAR, [[0.2, 0.3, 1.0]]])
         deck = ["ET,1,188", *nodes(at), *elements(ends, 1), f"SECTYPE,1,BEAM,{section}", f"SECDATA,{data}"]
-        ours = read_beams(read(tmp_path, *deck), 1.0)
+        ours = read_structure(read(tmp_path, *deck), 1.0, None, True)
         cards = [f"GRID,{k},,{p[0]},{p[1]},{p[2]}" for k, p in enumerate(BAR.tolist(), start=1)]
         cards += [f"CBAR,{k},1,{own[0]},{own[1]},{z}" for k, (own, z) in enumerate(zip(ends, up, strict=True), start=1)]
         own = card if card.startswith("PBAR") else f"PBARL,1,1,,{card}"
         nastran.write_text("\n".join(["BEGIN BULK", *cards, own, "ENDDATA"]))
-        meshes = ours, read_beams(nastran, 1.0)
+        meshes = ours, read_structure(nastran, 1.0, None, True)
         seen = [getattr(mesh.midsurface.sections[0], "seen", np.zeros(0)) for mesh in meshes]  # type: ignore[union-attr]
         assert seen[0] == pytest.approx(seen[1])
         material = Material(70e9, 0.3, 2700.0)

@@ -11,7 +11,7 @@ from fmd.core.errors import InputError
 from fmd.fem.assembly import assemble
 from fmd.fem.beams import BeamLine, Beams, extrude
 from fmd.fem.deck_links import find_deck_links
-from fmd.fem.formats.import_beam import read_beams
+from fmd.fem.formats.import_joined import read_structure
 from fmd.fem.formats.import_mesh import read_mesh
 from fmd.fem.links import link_points
 from fmd.fem.material import Material
@@ -29,6 +29,13 @@ from fmd.fem.sections import (
 from fmd.fem.strain import TENSOR
 from fmd.recovery.stress import modal_stress
 from fmd.reduction.eigen import FreeBodySolver
+
+
+def read_beams(path: Path, scale: float, mass_unit: float | None = None) -> SolidMesh:
+    mesh = read_structure(path, scale, None, True, units=(mass_unit, None))
+    assert isinstance(mesh, SolidMesh)
+    return mesh
+
 
 STEEL = Material(210e9, 0.3, 7850.0)
 X = np.array([(0.0, 0, 0), (300, 0, 0), (300, 400, 50), (0, 400, 0), (600, 0, 100)])  # mm

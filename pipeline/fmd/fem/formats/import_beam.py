@@ -2,36 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import as_input_error
 from fmd.core.limits.mesh import ON_A_LINE
 from fmd.fem.beams import Beams, extrude
 from fmd.fem.formats.beam_sections import BeamElement, DrawnSection
-from fmd.fem.formats.import_mesh import UNUSABLE, link_taken, number_used, read_sound, require_one_piece
+from fmd.fem.formats.import_mesh import link_taken, number_used, require_one_piece
 from fmd.fem.formats.named_sets import faces_of_points
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.sections import RoundSection, Section
-
-
-def read_beams(path: Path, scale: float, mass_unit: float | None = None, force_unit: float | None = None) -> SolidMesh:
-    """Read the lines of a deck as beams, with the deck's sections, orientations and offsets.
-
-    Element sets become parts; node sets become faces: all of the sections at their nodes. The file's units are of
-    length [m], mass [kg] and force [N]; without the last two, lumped masses and springs are refused, but for a file in
-    metres.
-
-    Raises
-    ------
-    InputError
-        The file can't be read, or its beams can't be used; the message says what is wrong.
-    """
-    with as_input_error(str(path), of=UNUSABLE):
-        return mesh_beams(read_sound(path), scale, (mass_unit, force_unit))
 
 
 def mesh_beams(raw: RawMesh, scale: float, units: tuple[float | None, float | None]) -> SolidMesh:
