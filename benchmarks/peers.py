@@ -51,7 +51,7 @@ ERRORS = (1e-3, 1e-6)
 MOST_SECONDS, TURNS, ALL_TURNS = 2.0, 15, 10.0  # of a march; turns, and their seconds in all, after three
 TOLERANCES = tuple(10.0**-k for k in np.arange(2.0, 11.0, 0.5))
 COUNTS = tuple(round(20 * 2 ** (k / 2)) for k in range(24))  # of steps
-SWEPT, POINTS = "joint.slide.spring", 32
+SWEPT, POINTS = "joint.slide.spring", 64
 
 
 @dataclass
@@ -304,8 +304,8 @@ def compare_sweeps(name: str) -> Iterator[Row]:
     for solver in (IMPLICIT[0], *STAGES):
         for count, _, error, march in marches(case.build(False), case.duration, solver, exudyn_peer.COUNTS, case.error):
             if error < ERRORS[0]:
-                if march() < best:
-                    best, settings = march(), (solver, count)
+                if (seconds := min(march() for _ in range(TURNS))) < best:
+                    best, settings = seconds, (solver, count)
                 break
 
     def build_and_march(parameters: dict[str, float]) -> float:
@@ -314,19 +314,19 @@ def compare_sweeps(name: str) -> Iterator[Row]:
         return float(samples_of(twin)[0][-1, 1])
 
     def vary() -> float:
-        tick = time.perf_counter()
+        tick = time.process_time()
         ParameterVariation(build_and_march, {"spring": (900.0, 1100.0, POINTS)}, showProgress=False)
-        return (time.perf_counter() - tick) / POINTS
+        return (time.process_time() - tick) / POINTS
 
     variations = parse_variations([f"{SWEPT}=900..1100:{POINTS} N/m"])
-    points = {p.key: p.scene for p in make_points("rod-slider", variations, (), combine(variations))}
+    points = {p.key: p.scene for p in make_points("rod-slider", variations, (), combine(variations), all_runs=False)}
     wanted = Wanted(results=("slider.centre.position.x",))
 
     def own() -> float:
-        tick = time.perf_counter()
+        tick = time.process_time()
         records = [record for _, record in compute_points(points, wanted)]
         assert all(record.status == "ok" for record in records)
-        return (time.perf_counter() - tick) / POINTS
+        return (time.process_time() - tick) / POINTS
 
     own()
     seconds, others = by_turns(own, vary)
