@@ -39,17 +39,17 @@ def excited_part(mechanism: Mechanism, q0: Array, tolerance: float) -> Excited |
     """
     if mechanism.contacts or not any(len(link.omega) for link in mechanism.links):  # contact excites all modes
         return None
-    kept = []
+    excited = []
     for b, link in enumerate(mechanism.links):
         forces, couplings = _acting(mechanism, b) if len(link.omega) else ([], [])
         start = q0[mechanism.modal_positions_of(b)]
-        kept.append(np.flatnonzero(reached(link.omega, [*forces, start], couplings, tolerance)))
+        excited.append(reached(link.omega, [*forces, start], couplings, tolerance))
     left_out = {
-        link.name: tuple(np.setdiff1d(np.arange(len(link.omega)), k).tolist())
-        for link, k in zip(mechanism.links, kept, strict=True)
+        link.name: tuple(np.flatnonzero(~own).tolist()) for link, own in zip(mechanism.links, excited, strict=True)
     }
     if not any(left_out.values()):
         return None
+    kept = [np.flatnonzero(own) for own in excited]
     part = mechanism.with_modes({link.name: own for link, own in zip(mechanism.links, kept, strict=True)})
     if not part.n:  # nothing moves but what is prescribed: there would be no march
         return None

@@ -64,6 +64,8 @@ def self_stresses(motion: Kinematics) -> list[SelfStress]:
 
 def largest_residual(rigid: Mechanism, times: Array, q: Array) -> float:
     """Return the largest residual by which a motion of rigid bodies opens joints that close loops [m, or rad]."""
+    if not rigid.closing_joints:
+        return 0.0
     some = np.unique(np.linspace(0, len(times) - 1, OPEN_MOMENTS).astype(int))
     found = Kinematics(rigid, times[some], q[some], np.zeros((len(some), rigid.n))).constraints
     return float(np.abs(found.residuals[:, : len(found.joints)]).max(initial=0.0))
