@@ -101,7 +101,7 @@ def test_runge_kutta_states_the_errors_of_a_shock_by_its_tolerance(tolerance: fl
             ("largest_force_n", found.largest[0], largest),
         ):
             part = errors[key].parts["step"]
-            assert abs(value - exact) < 3.0 * SAFETY * part < 0.1 * exact
+            assert abs(value - exact) < 3.0 * SAFETY * part < 0.2 * exact
 
 
 def with_tolerance(scene: dict[str, Any], tolerance: float, *overrides: str) -> Pipeline:
@@ -132,6 +132,18 @@ def test_exponential_steps_keep_the_energy_of_a_scene_and_refuse_what_does_not()
     contact = {"floor": {"between": ["ground", "ball.skin"], "normal": [0, 0, 1]}}
     with pytest.raises(InputError, match=r"takes contacts of bodies that slide alone, and joint 'hinge' turns"):
         load_scene(scene({"ball": BALL}, hinge, contact, 3e-4, **EXACT))
+
+
+@pytest.mark.parametrize("speed", [0.05, 3.0])
+def test_runge_kutta_follows_a_shock_of_free_balls_that_its_first_step_would_pass(speed: float) -> None:
+    """Nothing moves faster and faster before it, so that steps would grow without bound; impulse by two masses."""
+    joints = {
+        "one": free("low.centre", [0, 0, 0], [0, 0, 0.5 * speed]),
+        "two": free("high.centre", [0, 0, 2.0 * RADIUS + 1e-6], [0, 0, -0.5 * speed]),
+    }
+    hit = {"hit": {"between": ["low.skin", "high.skin"]}}
+    run = with_tolerance(scene({"low": BALL, "high": BALL}, joints, hit, 5e-3), 1e-6)
+    assert run.motion.contacts["hit"].impulse[-1, 2] == pytest.approx(MASS * speed, rel=1e-4)
 
 
 def test_runge_kutta_takes_no_contact_with_a_memory() -> None:

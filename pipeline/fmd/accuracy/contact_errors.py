@@ -17,7 +17,7 @@ from fmd.accuracy.coarse_mesh import NO_COARSER_MESH
 from fmd.accuracy.error_estimates import NO_PART, Quantity, refinement_gain
 from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
 from fmd.core.errors import AccuracyError, StabilityError
-from fmd.core.limits.contact import CHOSEN_STEP, FEWER_POINTS, LARGEST_STEP, LOOSER, MORE_MODES
+from fmd.core.limits.contact import CHOSEN_STEP, FEWER_POINTS, LARGEST_STEP, LOOSER, MORE_MODES, SHORTER, STEPS_OF_SHOCK
 from fmd.core.limits.errors import SAFETY
 from fmd.scene.variants import change_modes, coarsen_meshes, compare_element_sizes
 from fmd.stages.runs import plan_like
@@ -112,7 +112,8 @@ def step_differences(run: Pipeline) -> Differences:
     that, one with half the step by 1 − 2^-p of it. The order is 2, and 1 of the largest values, which the steps just
     meet, with friction, whose slip is counted by steps, with damping, and of wear. Times are known to a step,
     slips to the longest in one, areas to a point, heat and wear to their part of the energy that steps make or lose.
-    Steps by a tolerance are compared with those by `LOOSER` times it, errors taken to fall as its root at least.
+    Steps by a tolerance are compared with those by `LOOSER` times it, errors taken to fall as its root at least, with
+    looks at contacts twice as far apart, and with a shorter longest step, lest both take that.
     """
     plan = next(iter(run.plans.values()))
     method: Any = plan.integrator
@@ -122,8 +123,9 @@ def step_differences(run: Pipeline) -> Differences:
         ratio = 2.0 if longer else 0.5
         other = replace(plan, integrator=replace(method, step=method.step * ratio))
     else:
-        step = min(step, CHOSEN_STEP * plan.system.largest_step)  # contacts are looked at as often
-        other = replace(plan, integrator=replace(method, tolerance=min(0.5, LOOSER * method.tolerance)))
+        step = min(step, method.looks * plan.system.shock_step)  # contacts are looked at as often
+        looser = {"tolerance": min(0.5, LOOSER * method.tolerance), "looks": 2.0 * method.looks}
+        other = replace(plan, integrator=replace(method, reach=SHORTER * method.reach, **looser))
     try:
         march = other.march(run.output_times)
         if method.step and march.step == step:  # it has been halved where Newton's iteration failed
@@ -143,8 +145,25 @@ def step_differences(run: Pipeline) -> Differences:
         fastest = float((np.diff(own.slip) / np.diff(run.motion.times)).max(initial=0.0))
         slips = dict.fromkeys(("largest_slip_m", "mean_slip_m"), fastest * step)
         known_to = times | slips | {"largest_area_m2": points.get(name, 0.0)}
+        if not method.step and own.span[0] is not None:
+            looks = _between_looks(own, step, method.tolerance)
+            known_to |= {key: size + known_to.get(key, 0.0) for key, size in looks.items()}
         found[name] = _differences(own, histories[name], share, known_to)
     return {name: errors | _at_least(errors, run.motion.contacts[name]) for name, errors in found.items()}
+
+
+def _between_looks(own: ContactHistory, apart: float, tolerance: float) -> dict[str, float]:
+    """Return by how much at least figures are known from looks that are so far apart [s], by steps with a tolerance.
+
+    Of a shock like half a sine the highest look is lower by ``½ (π/2 apart/duration)²``; impulses have the tolerance of
+    several steps. As two marches may agree by chance, half of that stands beside their difference.
+    """
+    begin, end = own.span
+    low = min(1.0, 0.25 * (0.5 * math.pi * apart / max((end or 0.0) - (begin or 0.0), apart)) ** 2)
+    found = {
+        key: low * size for key, size in zip(_HISTORIES, (own.largest[0], own.largest[2], own.largest[1]), strict=True)
+    }
+    return found | {"impulse_n_s": STEPS_OF_SHOCK * tolerance * float(np.linalg.norm(own.impulse[-1]))}
 
 
 def _at_least(errors: Mapping[str, float | str], own: ContactHistory) -> dict[str, float | str]:

@@ -187,6 +187,11 @@ class PlainSystem(Protocol):
         return 0
 
     @property
+    def shock_step(self) -> float:
+        """2/ω of what a shock of contacts is resolved by [s]; 0 without contacts."""
+        return 0.0
+
+    @property
     def answers_to_contact(self: Any) -> Array:
         """Largest acceleration of each rate by a unit force on a point of a contact, (n,); none without contacts."""
         return np.zeros(0)

@@ -100,6 +100,8 @@ def march_steps(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> 
         for i in range(n):
             s.begin[n_positions + i] = s.v[i]
         record_step_start(s.bounds, just_after(t), s.q, s.v)
+        if s.apart > 0.0:
+            clock[1] = min(clock[1], s.longest)  # also where nothing moves yet
         h = step_within(max(clock[1] * predicted_part(s.bounds, clock[1]), smallest), stop - t)
         planned, reached = h >= clock[1], t
         begin_step(m, p, s, t, h)
@@ -202,6 +204,7 @@ class AdaptiveIntegrator(ResumableIntegrator):
     tolerance: float  # of each step, relative to the largest value of a coordinate's group
     most_steps: float = math.inf  # with more of them a march is ended; no number, unless another method takes over
     step = 0.0
+    looks = CHOSEN_STEP  # of 2/ω with all points of contacts closed: how far apart these are looked at in a step
     n_own = 0  # length of what such a method remembers beside the largest values
 
     def __post_init__(self) -> None:
@@ -322,7 +325,7 @@ class AdaptiveIntegrator(ResumableIntegrator):
             fresh=np.zeros(1),
             spare=np.full(1, SPARE_STEPS),
             bounds=system.step_bounds,
-            apart=CHOSEN_STEP * system.largest_step if system.n_contact_values else 0.0,
+            apart=self.looks * system.shock_step,
             contacts=np.full((times.size, system.n_contact_values), np.nan),
             answers=system.answers_to_contact,
             q_within=np.zeros(state.q.size),

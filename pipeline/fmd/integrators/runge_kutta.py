@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.contact import CHOSEN_STEP
 from fmd.core.limits.stepping import DERIVED, LEAST_DERIVED
 from fmd.dynamics.system import System, accelerations, contact_forces, velocities
 from fmd.integrators import dop853
@@ -83,6 +84,7 @@ class RungeKutta(AdaptiveIntegrator):
 
     tolerance: float = 1e-9
     reach: float = DAMPED
+    looks: float = CHOSEN_STEP
 
     name = "runge-kutta"
     marches_tangents = True

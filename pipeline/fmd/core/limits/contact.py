@@ -43,6 +43,8 @@ MOST_CUTS = 6  # of a step, until it ends there
 
 # Errors.
 LOOSER = 10.0  # times a tolerance: of the march that tells the error of contacts by steps that keep it
+STEPS_OF_SHOCK = 3.0  # whose tolerances an impulse may have as its error at least
+SHORTER = 0.7  # of the longest step: in that march, so that steps which the tolerance doesn't limit differ, too
 MORE_MODES = 2.0  # times the modes: of the run that tells what is left out of a contact's figures
 FEWER_POINTS = 0.5  # of a grid's points: of the run that tells the grid's error
 

@@ -20,6 +20,7 @@ from fmd.contact.recorded import ContactRecord
 from fmd.contact.sums import copy_forces, evaluate_contacts, note_values, remember, replace_impulses
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
+from fmd.core.limits.contact import SHOCK_STEPS
 from fmd.dynamics.compiled_system.closed import keep_closed
 from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog, TreeParameters
@@ -79,6 +80,12 @@ class TouchingSystem(CompiledSystem):
     def n_contacts(self) -> int:
         """Number of contacts."""
         return sum(len(body.names) for body in self.mechanism.contacts)
+
+    @property
+    def shock_step(self) -> float:
+        """2/ω with all points closed, of rigid surfaces a part of it: their forces rise as a power of the depth [s]."""
+        round_laws = any(own.law for body in self.mechanism.contacts for own in body.contacts)
+        return self.largest_step * (SHOCK_STEPS if round_laws else 1.0)
 
     @cached_property
     def answers_to_contact(self) -> Array:
