@@ -273,6 +273,8 @@ def test_numbers_of_a_section_that_stands_obliquely_turn_it(tmp_path: Path) -> N
     length = sum(float(np.linalg.norm(X[e] - X[b])) for b, e in ENDS) / 1e3
     mass = assemble(read_beams(path, 1e-3, mass_unit=1.0), 1, STEEL).mass
     assert mass == pytest.approx((2.0 + STEEL.rho * drawn.area) * length, rel=1e-9)
+    in_metres = assemble(read_beams(path, 1.0), 1, STEEL).mass  # kg, as of all files in metres
+    assert in_metres == pytest.approx((0.002 + STEEL.rho * A) * 1e3 * length, rel=1e-9)
     path.write_text(path.read_text().replace(f"{J},0.002", f"{J},"))
     general = abaqus(tmp_path / "a.inp", ("RECT", f"{A}, {about_y}, {product}, {about_z}, {J}"))
     general.write_text(

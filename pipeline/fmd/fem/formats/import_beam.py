@@ -37,7 +37,7 @@ def take_beams(raw: RawMesh, scale: float, mass_unit: float | None) -> tuple[Bea
     if missing is not None:
         raise MeshFileError(f"{missing.label} has no section")
     drawn = [raw.beams.sections[name] for name in names]
-    if mass_unit is None and any(each.line_mass for each in drawn):
+    if mass_unit is None and scale != 1.0 and any(each.line_mass for each in drawn):  # kg in a file in metres
         raise MeshFileError("has beams with mass of their own, NSM, whose unit is wanted: mesh.mass_unit")
     sections = tuple(_section(each, scale, mass_unit) for each in drawn)
     of = np.array([names.index(element.section) for element in raw.beams.elements])
