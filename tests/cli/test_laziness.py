@@ -69,7 +69,7 @@ def test_help_loads_nothing_heavy(modules):
 
 
 def test_modes_load_neither_pictures_nor_integrators(modules):
-    loaded = modules("modes", "beam", "--no-cache")
+    loaded = modules("modes", "beam", *QUICK, "--no-cache")
     assert "skfem" in loaded
     assert not loaded & {"pyvista", "matplotlib", "llvmlite", "xarray", "fmd.integrators", "fmd.dynamics"}
 
