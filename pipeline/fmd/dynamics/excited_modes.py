@@ -53,7 +53,7 @@ def excited_part(mechanism: Mechanism, q0: Array, tolerance: float) -> Excited |
     part = mechanism.with_modes({link.name: own for link, own in zip(mechanism.links, kept, strict=True)})
     if not part.n:  # nothing moves but what is prescribed: there would be no march
         return None
-    positions, rates = _numbers(mechanism, part, kept)
+    positions, rates = find_places(mechanism, part, kept)
     return Excited(part, positions, rates, {name: numbers for name, numbers in left_out.items() if numbers})
 
 
@@ -136,13 +136,16 @@ def _common_axis(mechanism: Mechanism, body: int) -> Array | None:
     return turned[body].T @ axis if across <= SOLVED * np.linalg.norm(largest) else None
 
 
-def _numbers(mechanism: Mechanism, part: Mechanism, kept: Sequence[IntArray]) -> tuple[IntArray, IntArray]:
-    """Numbers of a part's positions and of its rates in the whole mechanism."""
+def find_places(
+    mechanism: Mechanism, part: Mechanism, kept: Sequence[IntArray] | None = None
+) -> tuple[IntArray, IntArray]:
+    """Return the places of a part's positions and rates, with the modes of each body that it keeps, in the whole."""
     positions, rates = np.zeros(part.n_positions, dtype=np.int64), np.zeros(part.n, dtype=np.int64)
     for b, link in enumerate(part.links):
         at, first = part.layout.rate[b], part.layout.position[b]
         rates[at : at + link.n_rates] = mechanism.layout.rate[b] + np.arange(link.n_rates)
         positions[first : first + link.n_positions] = mechanism.layout.position[b] + np.arange(link.n_positions)
-        rates[part.modes_of(b)] = mechanism.modes_of(b)[kept[b]]
-        positions[part.modal_positions_of(b)] = mechanism.modal_positions_of(b)[kept[b]]
+        modes = slice(None) if kept is None else kept[b]
+        rates[part.modes_of(b)] = mechanism.modes_of(b)[modes]
+        positions[part.modal_positions_of(b)] = mechanism.modal_positions_of(b)[modes]
     return positions, rates

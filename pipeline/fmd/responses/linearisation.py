@@ -24,6 +24,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.formula import parse_formula
 from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
 from fmd.dynamics.compiler.linearised import LinearisedMechanism, Tangents
+from fmd.dynamics.excited_modes import find_places
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.links import PointLoad
 from fmd.dynamics.mechanism import Mechanism
@@ -95,23 +96,12 @@ class Linearisation:
         """Return the accelerations of the coordinates at a state, shape (n,), in the mechanism's order."""
         q, v, given = self._released_state(state, motions)
         a, _ = self._equations.accelerations(q, v, self._signals(state.time), given)
-        _, rates = self._places()
+        _, rates = find_places(self._released, self.mechanism)
         return np.asarray(a[rates])
-
-    def _places(self) -> tuple[IntArray, IntArray]:
-        """Return where the mechanism's positions and rates are among those of the released one."""
-        own, other = self.mechanism.layout, self._released.layout
-        q, v = np.zeros(own.n_positions, dtype=np.int64), np.zeros(own.n, dtype=np.int64)
-        for k, link in enumerate(self.mechanism.links):
-            q[own.position[k] : own.position[k] + link.n_positions] = other.position[k] + np.arange(link.n_positions)
-            v[own.rate[k] : own.rate[k] + link.n_rates] = other.rate[k] + np.arange(link.n_rates)
-            v[self.mechanism.modes_of(k)] = self._released.modes_of(k)
-            q[self.mechanism.modal_positions_of(k)] = self._released.modal_positions_of(k)
-        return q, v
 
     def _released_state(self, state: OperatingPoint, motions: Motions | None) -> tuple[Array, Array, Array]:
         """Return positions and rates of the released mechanism, and the accelerations that are given."""
-        to_q, to_v = self._places()
+        to_q, to_v = find_places(self._released, self.mechanism)
         q, v, given = self._released.rest_positions, np.zeros(self._released.n), []
         q[to_q], v[to_v] = state.q, state.v
         for k, link in enumerate(self.mechanism.links):
@@ -140,7 +130,7 @@ class Linearisation:
     def rate_names(self) -> list[str]:
         """Return the names of the mechanism's own coordinates, by their rates' order."""
         names = self.state_names()
-        return [names[k].name for k in self._places()[1]]
+        return [names[k].name for k in find_places(self._released, self.mechanism)[1]]
 
     def state_names(self) -> list[Channel]:
         """Return the coordinates of the released mechanism, by their rates' order."""
