@@ -73,6 +73,8 @@ class LinkedModel(FEModel):
     # Further places that move with links: the link's name, and the position [m].
     places: Mapping[str, tuple[str, Array]] = field(default_factory=dict)
 
+    strained = False
+
     @property
     def x(self) -> Array:
         """Positions of all points, shape (n_points, 3) [m]."""

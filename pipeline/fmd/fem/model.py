@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,6 +14,8 @@ from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms
 from fmd.fem.joined import AnySpace
 from fmd.fem.material import AnyMaterial
+from fmd.fem.space import Discretisation
+from fmd.fem.strain import strain_products
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,8 @@ class FEModel:
     # Points of a shell on its nodes' directors, whose motion of second order is a part of its geometric stiffness.
     directors: Arms | None = field(default=None, kw_only=True)
 
+    strained: ClassVar[bool] = True  # true if all of K is the strain of solid elements
+
     __repr__ = short_repr
 
     @property
@@ -46,6 +51,13 @@ class FEModel:
         each = self.m[np.repeat(np.arange(n), 3)]  # every row three times, once an axis
         axis = np.repeat(np.tile(np.arange(3, dtype=each.indices.dtype), n), np.diff(each.indptr))
         return sp.csr_array((each.data, 3 * each.indices + axis, each.indptr), shape=(3 * n, 3 * n))
+
+    def stiffness_of(self, V: Array) -> Array:
+        """Return ``Vᵀ K V`` of fields V (3 n_nodes, n), shape (n, n), without the round-off of K where it can."""
+        if not self.strained:
+            return np.asarray(V.T @ (self.K @ V))
+        assert isinstance(self.discretisation, Discretisation)
+        return strain_products(self.discretisation, self.material, V.reshape(len(self.x), 3, -1))
 
     @property
     def local_pairs(self) -> int:

@@ -26,6 +26,8 @@ class ShellModel(FEModel):
 
     positions: Array  # (n_points, 3): positions of all points [m]
 
+    strained = False
+
     @property
     def x(self) -> Array:
         """Positions of all points, shape (n_points, 3) [m]."""

@@ -17,9 +17,10 @@ from __future__ import annotations
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.memory import STRAINED_AT_ONCE
 from fmd.core.limits.mesh import NEARLY_INCOMPRESSIBLE
 from fmd.fem.elements import inverse_and_determinant
-from fmd.fem.material import AnyElastic, AnyMaterial, Material
+from fmd.fem.material import AnyElastic, AnyMaterial, Material, batches
 from fmd.fem.space import Discretisation
 
 _COMPONENTS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
@@ -124,3 +125,20 @@ def stresses(space: Discretisation, material: AnyMaterial, shapes: Array, X: Arr
     for own, mine in material.over(elements):
         stress[mine] = own.stress(space, X, elements[mine], strain[mine])
     return stress
+
+
+def strain_products(space: Discretisation, material: AnyMaterial, shapes: Array) -> Array:
+    """Return the products ``Φᵀ K Φ`` of displacement fields (n_nodes, 3, n) and the stiffness, (n, n), by their strain.
+
+    A product with the matrix K has the round-off of the stiffest motions of elements, 1e-9 to 1e-7 of what a slender
+    body's lowest modes have; strain, in which rigid motions cancel node by node, has 1e-14.
+    """
+    X, w = space.kind.quadrature(space.kind.stiffness_order)
+    n = shapes.shape[2]
+    found = np.zeros((n, n))
+    for own, elements in batches(material, len(space.element_nodes), STRAINED_AT_ONCE):
+        strain = strains(space, material, shapes, X, elements)
+        stress = own.stress(space, X, elements, strain)
+        stress *= (space.gradients(X, elements)[1] * w)[:, :, None, None]
+        found += np.tensordot(strain, stress, ((0, 1, 2), (0, 1, 2)))
+    return np.asarray(0.5 * (found + found.T))

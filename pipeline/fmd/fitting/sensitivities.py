@@ -36,7 +36,8 @@ def frequency_change(run: Pipeline, minus: Pipeline, plus: Pipeline, body: str, 
     omega, shapes = part.modes.omega, part.modes.shapes
     group = np.flatnonzero(np.abs(omega - omega[mode]) <= SAME_FREQUENCY * omega[mode])
     Phi = shapes[:, :, group].reshape(-1, len(group))
-    stiffer, heavier = (Phi.T @ (change @ Phi) for change in (after.fe.K - before.fe.K, after.fe.M - before.fe.M))
+    stiffer = after.fe.stiffness_of(Phi) - before.fe.stiffness_of(Phi)
+    heavier = Phi.T @ ((after.fe.M - before.fe.M) @ Phi)
     change = stiffer - omega[mode] ** 2 * heavier
     held = (part.fe.K @ Phi - omega[mode] ** 2 * (part.fe.M @ Phi)).T  # forces of what holds modes, as a joint
     moved = _align(part, after, Phi, group) - _align(part, before, Phi, group)
@@ -220,7 +221,7 @@ def _translation_change(run: Pipeline, beside: Beside, name: str) -> float:
     if body.shape.support:
         return 0.0
     moves = body.fe.rigid_modes[:, :3]
-    squared = float(np.abs(moves.T @ ((high.fe.K - low.fe.K) @ moves)).max()) / body.fe.mass
+    squared = float(np.abs(high.fe.stiffness_of(moves) - low.fe.stiffness_of(moves)).max()) / body.fe.mass
     return squared / (4.0 * np.pi * float(body.modes.omega.min()) ** 2)
 
 

@@ -136,7 +136,7 @@ def rayleigh_ritz(fe: FEModel, V: Array) -> tuple[Array, Array]:
 
     Returns angular frequencies (n,) [rad/s] and shapes (n_nodes, 3, n) of unit modal mass.
     """
-    omega2, turn = eigh(V.T @ (fe.K @ V), V.T @ (fe.M @ V))
+    omega2, turn = eigh(fe.stiffness_of(V), V.T @ (fe.M @ V))
     return np.sqrt(omega2), (V @ turn).reshape(len(fe.x), 3, -1)
 
 
@@ -225,8 +225,8 @@ def make_superelement(
     Psi = constraint_modes(fe, solver, B)
     fixed = complete_pairs(solver, count, B)
     V = np.concatenate([Psi, fixed.shapes.reshape(len(Psi), -1)], axis=1)
-    K, M = (np.asarray(V.T @ (A @ V)) for A in (fe.K, fe.M))
-    K, M, k = 0.5 * (K + K.T), 0.5 * (M + M.T), Psi.shape[1]
+    K, M, k = fe.stiffness_of(V), np.asarray(V.T @ (fe.M @ V)), Psi.shape[1]
+    K, M = 0.5 * (K + K.T), 0.5 * (M + M.T)
     # Both are so by theory, up to the solver's round-off.
     K[:k, k:], K[k:, :k] = 0.0, 0.0
     K[k:, k:], M[k:, k:] = np.diag(fixed.omega**2), np.eye(len(fixed.omega))

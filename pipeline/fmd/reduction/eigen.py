@@ -44,6 +44,7 @@ from fmd.reduction.inertia_relief import (
     solve_balanced,
 )
 from fmd.reduction.missed_modes import missed_eigenvalue
+from fmd.reduction.mixed_modes import separate_modes
 from fmd.reduction.modes import EigenPairs
 from fmd.reduction.supports import remaining_rigid_motions, remove_fixed_unknowns, tie_rigid_faces
 
@@ -330,10 +331,12 @@ class FreeBodySolver:
             limits = ZERO_EIGENVALUE * self.bound, rounded
             raise wrong_count(self._fe, self._nodal(Phi[:, :n_rigid]), self.rigid_modes, expected, eigenvalues, limits)
         residual = self._largest_residual(eigenvalues, Phi, n_rigid, inverse)
-        shapes = self._nodal(Phi[:, n_rigid:])
-        flat = shapes.reshape(-1, shapes.shape[2])
-        shapes = shapes * np.sign(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])])
-        return EigenPairs(np.sqrt(eigenvalues[n_rigid:]), shapes, n_rigid, residual, factor=self._factor.figures)
+        squares, flat = separate_modes(self._fe, self._nodal(Phi[:, n_rigid:]).reshape(self._fe.K.shape[0], -1))
+        order = np.argsort(squares)
+        flat = flat[:, order]
+        flat = flat * np.sign(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])])
+        shapes = flat.reshape(len(self._fe.x), 3, -1)
+        return EigenPairs(np.sqrt(squares[order]), shapes, n_rigid, residual, factor=self._factor.figures)
 
     def _largest_residual(self, eigenvalues: Array, Phi: Array, n_rigid: int, inverse: Inverse) -> float:
         """Largest residual of the elastic pairs, in the energy norm: that of the eigenvalue is about its square.

@@ -22,6 +22,7 @@ from scipy.linalg import eigh, null_space
 
 from fmd.core.limits.modes import SOFTER
 from fmd.core.limits.rank import NEW_RESPONSE
+from fmd.reduction.mixed_modes import separate_modes
 from fmd.reduction.modes import Modes
 
 if TYPE_CHECKING:
@@ -115,12 +116,12 @@ def enrich_modes(
         U = _new_part(basis, U if B is None else _constrained_fields(U, fe, B), fe, least)
         basis, response = np.concatenate([basis, U], axis=1), U.reshape(len(fe.x), 3, -1)
         if not generation:
-            softest = eigh(U.T @ (fe.K @ U), eigvals_only=True)[:1].min(initial=np.inf)
+            softest = eigh(fe.stiffness_of(U), eigvals_only=True)[:1].min(initial=np.inf)
     U = basis[:, Phi.shape[1] :]
-    omega2, turn = eigh(U.T @ (fe.K @ U))
+    omega2, turn = eigh(fe.stiffness_of(U))
     excited = omega2 >= SOFTER**2 * softest
-    shapes = np.concatenate([Phi, U @ turn[:, excited]], axis=1).reshape(len(fe.x), 3, -1)
-    return np.concatenate([modes.omega, np.sqrt(omega2[excited])]), shapes
+    omega2, found = separate_modes(fe, np.concatenate([Phi, U @ turn[:, excited]], axis=1))
+    return np.sqrt(omega2), found.reshape(len(fe.x), 3, -1)
 
 
 def _new_part(basis: Array, U: Array, fe: FEModel, least: float) -> Array:

@@ -50,6 +50,8 @@ class MatrixModel(FEModel):
     fields: StressFields | None = field(default=None, kw_only=True)  # stress of some displacements
     stressed: StressedStiffness | None = field(default=None, kw_only=True)  # geometric stiffness under some loads
 
+    strained = False
+
     def name_point(self, k: int) -> str:
         """Return what a message calls point k: the number of its node."""
         return f"node {self.labels[k]}"
