@@ -15,7 +15,7 @@ from fmd.fem.arms import Arms
 from fmd.fem.joined import AnySpace
 from fmd.fem.material import AnyMaterial
 from fmd.fem.space import Discretisation
-from fmd.fem.strain import strain_products
+from fmd.fem.strain import elastic_forces
 
 
 @dataclass(frozen=True)
@@ -52,12 +52,17 @@ class FEModel:
         axis = np.repeat(np.tile(np.arange(3, dtype=each.indices.dtype), n), np.diff(each.indptr))
         return sp.csr_array((each.data, 3 * each.indices + axis, each.indptr), shape=(3 * n, 3 * n))
 
-    def stiffness_of(self, V: Array) -> Array:
-        """Return ``Vᵀ K V`` of fields V (3 n_nodes, n), shape (n, n), without the round-off of K where it can."""
-        if not self.strained:
-            return np.asarray(V.T @ (self.K @ V))
+    def forces(self, V: Array) -> Array:
+        """Return ``K V`` of fields V (3 n_nodes, n), by strain, without K's round-off, where all of K is of strain."""
+        if not (self.strained and V.size):
+            return np.asarray(self.K @ V)
         assert isinstance(self.discretisation, Discretisation)
-        return strain_products(self.discretisation, self.material, V.reshape(len(self.x), 3, -1))
+        return elastic_forces(self.discretisation, self.material, V.reshape(len(self.x), 3, -1)).reshape(V.shape)
+
+    def stiffness_of(self, V: Array) -> Array:
+        """Return ``Vᵀ K V`` of fields V (3 n_nodes, n), shape (n, n), by `forces`."""
+        found = V.T @ self.forces(V)
+        return np.asarray(0.5 * (found + found.T))
 
     @property
     def local_pairs(self) -> int:

@@ -15,6 +15,7 @@ leave the stiffness ``∫ Bᵀ C B dV − Γᵀ H⁻¹ Γ`` on the same nodes.
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.memory import STRAINED_AT_ONCE
@@ -127,18 +128,27 @@ def stresses(space: Discretisation, material: AnyMaterial, shapes: Array, X: Arr
     return stress
 
 
-def strain_products(space: Discretisation, material: AnyMaterial, shapes: Array) -> Array:
-    """Return the products ``Φᵀ K Φ`` of displacement fields (n_nodes, 3, n) and the stiffness, (n, n), by their strain.
+def elastic_forces(space: Discretisation, material: AnyMaterial, shapes: Array) -> Array:
+    """Return the forces ``K u`` of displacement fields, both (n_nodes, 3, n), by their strain.
 
-    A product with the matrix K has the round-off of the stiffest motions of elements, 1e-9 to 1e-7 of what a slender
-    body's lowest modes have; strain, in which rigid motions cancel node by node, has 1e-14.
+    A product with the matrix K has the round-off of elements' stiffest motions, 1e-9 to 1e-7 of what a slender body's
+    lowest modes have; strain, in which rigid motions cancel element by element, has less than 1e-12.
     """
     X, w = space.kind.quadrature(space.kind.stiffness_order)
     n = shapes.shape[2]
-    found = np.zeros((n, n))
-    for own, elements in batches(material, len(space.element_nodes), STRAINED_AT_ONCE):
-        strain = strains(space, material, shapes, X, elements)
-        stress = own.stress(space, X, elements, strain)
-        stress *= (space.gradients(X, elements)[1] * w)[:, :, None, None]
-        found += np.tensordot(strain, stress, ((0, 1, 2), (0, 1, 2)))
-    return np.asarray(0.5 * (found + found.T))
+    found = np.zeros((len(shapes), 3 * n))
+    for own, elements in batches(material, len(space.element_nodes), 1 + STRAINED_AT_ONCE // (n + 1)):
+        nodes = space.element_nodes[elements]
+        stress = own.stress(space, X, elements, strains(space, material, shapes, X, elements))
+        if space.is_enhanced:
+            B, det = _strain_matrix(space, own.summed, X, elements)
+            by_strain = B[..., : 3 * nodes.shape[1]].swapaxes(1, 2).reshape(len(nodes), -1, 3 * nodes.shape[1])
+        else:
+            g, det = space.gradients(X, elements)
+            by_strain = g.swapaxes(2, 3).reshape(len(nodes), -1, nodes.shape[1])
+            stress = stress[:, :, TENSOR]
+        stress *= (det * w).reshape(*det.shape, *(1,) * (stress.ndim - 2))
+        each = by_strain.swapaxes(1, 2) @ stress.reshape(len(nodes), by_strain.shape[1], -1)
+        ones = np.ones(nodes.size), (nodes.ravel(), np.arange(nodes.size))
+        found += sp.csr_array(ones, shape=(len(shapes), nodes.size)) @ each.reshape(nodes.size, 3 * n)
+    return found.reshape(shapes.shape)

@@ -144,7 +144,7 @@ class FrozenRun:
             return self._move_along(motion, parameter, tangent, share)
         parts, reach = self._parts(motion), self._reach(motion, parameter, DRAWN_DIFFERENCE)
         found = self._variants(motion, parameter, share * reach)
-        signs = [_signs_of_shapes(run, motion.run) for run in (found.low, found.high)] if parts is not None else []
+        signs = [signs_of_shapes(run, motion.run) for run in (found.low, found.high)] if parts is not None else []
         known = [each for each in signs if each is not None]
         drawn_back = parts is not None and len(known) == len(found.plans)
         if parts is not None and drawn_back:
@@ -196,7 +196,7 @@ class FrozenRun:
         if not self._change(parameter, self._middle(motion, parameter)).solves:
             return near
         far = self._variants(motion, parameter, DIFFERENCE)
-        alike = all(_signs_of_shapes(run, motion.run) is not None for run in (far.low, far.high))
+        alike = all(signs_of_shapes(run, motion.run) is not None for run in (far.low, far.high))
         return DIFFERENCE if alike else near
 
     def _change(self, parameter: Parameter, value: float) -> Change:
@@ -214,14 +214,14 @@ class FrozenRun:
 
     def _sides(self, motion: FrozenMotion, beside: Beside, weight: float) -> list[Side]:
         pairs = zip((beside.low, beside.high), beside.plans, (-weight, weight), strict=True)
-        return [Side(plan, own, _signs_of_shapes(run, motion.run)) for run, plan, own in pairs]
+        return [Side(plan, own, signs_of_shapes(run, motion.run)) for run, plan, own in pairs]
 
     def _move_along(self, motion: FrozenMotion, parameter: Parameter, tangent: Tangent, share: float) -> Beside:
         """Return variants whose motions are the scene's own less and more a part of its tangent."""
         part = share * self._reach(motion, parameter)
         found = self._variants(motion, parameter, part)
         own, mechanism = motion.run.motion.trajectory, motion.run.mechanism
-        turns = [find_all_turns(mechanism, _signs_of_shapes(run, motion.run) or {}) for run in (found.low, found.high)]
+        turns = [find_all_turns(mechanism, signs_of_shapes(run, motion.run) or {}) for run in (found.low, found.high)]
         pairs = zip((-part, part), turns, strict=True)
         moved = [tangent.move(own, side, mechanism, turn) for side, turn in pairs]
         return replace(self._with_motions(found, moved), by_tangents=True)
@@ -306,7 +306,7 @@ def require_like_meshes(run: Pipeline, other: Pipeline, values: Mapping[Paramete
             raise InputError(run.scene.file, keys, None, mend)
 
 
-def _signs_of_shapes(run: Pipeline, other: Pipeline) -> dict[str, Array] | None:
+def signs_of_shapes(run: Pipeline, other: Pipeline) -> dict[str, Array] | None:
     """Return by what to multiply modal coordinates of reduced bodies for those of another scene, 1 or -1 each.
 
     ``None`` if shapes differ by more than their sign and a little: they have turned into each other, or changed places.

@@ -13,7 +13,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import BETWEEN_EXTRAPOLATIONS, JUMP
 from fmd.core.limits.modes import SAME_FREQUENCY
-from fmd.fitting.frozen_run import Beside, FrozenMotion, FrozenRun
+from fmd.fitting.frozen_run import Beside, FrozenMotion, FrozenRun, signs_of_shapes
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.fitting.tangents import CONTACT
 from fmd.output.channels import ResultChannel, find_all_channels
@@ -159,7 +159,7 @@ def _differentiate(
     """Yield the derivative of each result by one number."""
     moves = any(channel.moves for channel in channels)
     pairs = [frozen.beside(motion, parameter, share, moves) for share in (1.0, 0.5)]
-    unknown = _find_round_off(frozen.run, pairs) if moves else 0.0
+    unknown = _find_round_off(frozen.run, pairs, pairs[0].step / abs(parameter.value)) if moves else 0.0
     takes_wider = moves and (pairs[0].drawn_back or pairs[0].lacking == CONTACT)
     wider = [frozen.beside(motion, parameter, 2.0), pairs[0]] if takes_wider else []
     for channel in channels:
@@ -191,38 +191,26 @@ def _extrapolate(pairs: Sequence[Beside], changes: Sequence[Array]) -> tuple[Arr
     return (ratio * fine - rough) / (ratio - 1.0), rough
 
 
-def _find_round_off(run: Pipeline, pairs: Sequence[Beside]) -> float:
+def _find_round_off(run: Pipeline, pairs: Sequence[Beside], share: float) -> float:
     """Return which part of derivatives by a number may be round-off of bodies' modes that are solved anew beside it.
 
-    It is twice the sum of two parts. One is the largest difference, of a body's frequencies, between derivatives
-    from modes solved anew and Rayleigh quotients, both of which are off. The other is what both have from round-off of
-    the stiffness: what it has of translations, which would be nothing, as a part of the lowest mode's.
+    Of what is smooth a second difference is a quarter of that over twice the distance. What squared frequencies, or a
+    shape, have beside this is round-off; over the longer distance, a share of the number, it is as large in first ones.
     """
     largest = 0.0
-    for name, body in run.wholes.items():
-        if body.key("modes") == pairs[0].low.wholes[name].key("modes"):
+    for name, own in run.bodies.items():
+        if run.parts[name].key("modes") == pairs[0].low.parts[name].key("modes"):
             continue
-        omega = body.modes.omega[:, None]
-        changes = [
-            np.array([frequency_change(run, each.low, each.high, name, mode) for mode in range(omega.size)]) / omega
-            for each in pairs
-        ]
-        _, mean, solved = _extrapolate(pairs, changes)[0].T
-        size = float(np.abs(mean).max(initial=0.0))
-        if size:
-            shared = max(_translation_change(run, each, name) / (2.0 * each.step) for each in pairs)
-            largest = max(largest, 2.0 * (float(np.abs(solved - mean).max()) + shared) / size)
+        squares, shapes = np.zeros(own.omega.shape), np.zeros(own.shapes.shape)
+        for weight, beside in zip((-0.25, 1.0), pairs, strict=True):
+            for each in (beside.low, beside.high):
+                if (signs := signs_of_shapes(each, run)) is None:
+                    return largest
+                squares += weight * ((each.bodies[name].omega / own.omega) ** 2 - 1.0)
+                shapes += weight * (signs[name] * each.bodies[name].shapes - own.shapes)
+        sizes = np.sqrt((shapes**2).sum(axis=(0, 1)) / (own.shapes**2).sum(axis=(0, 1)))
+        largest = max(largest, float(max(np.abs(squares).max(), sizes.max())) / share)
     return largest
-
-
-def _translation_change(run: Pipeline, beside: Beside, name: str) -> float:
-    """Return the relative change of a free body's lowest frequency [Hz s] by what its stiffness has of translations."""
-    body, low, high = (each.wholes[name] for each in (run, beside.low, beside.high))
-    if body.shape.support:
-        return 0.0
-    moves = body.fe.rigid_modes[:, :3]
-    squared = float(np.abs(high.fe.stiffness_of(moves) - low.fe.stiffness_of(moves)).max()) / body.fe.mass
-    return squared / (4.0 * np.pi * float(body.modes.omega.min()) ** 2)
 
 
 def change_of(channel: ResultChannel, run: Pipeline, minus: Pipeline, plus: Pipeline) -> Array:

@@ -174,7 +174,8 @@ class FreeBodySolver:
             The residual stayed above its limit.
         """
         self._advance(0.0)
-        return self._nodal(solve_balanced(self._K, self._M, self._R, self._inverse, self._loads(f), self._advance))
+        given = self._inverse, self._loads(f), self._advance, self._forces
+        return self._nodal(solve_balanced(self._K, self._M, self._R, *given))
 
     def flexibility(self, nodes: IntArray) -> Array:
         """Return the displacements of nodes by unit forces on each, ``Bᵀ K⁺ B`` (3 n, 3 n) [m/N].
@@ -221,6 +222,10 @@ class FreeBodySolver:
     def _shifted_factor(self) -> Factor:
         """Factorise ``K − σ M``."""
         return self._factorise(self._K - self.shift * self._M)
+
+    def _forces(self, u: Array) -> Array:
+        """Elastic forces on the unknowns (n, k) by unknowns u (n, k), with less round-off than K has."""
+        return self._loads(self._fe.forces(self._nodal(u).reshape(self._fe.K.shape[0], -1)))
 
     def _loads(self, f: Array) -> Array:
         """Loads on the unknowns (n, k) of nodal loads f (n_nodes, 3, k)."""
@@ -330,16 +335,15 @@ class FreeBodySolver:
         if n_rigid != expected:
             limits = ZERO_EIGENVALUE * self.bound, rounded
             raise wrong_count(self._fe, self._nodal(Phi[:, :n_rigid]), self.rigid_modes, expected, eigenvalues, limits)
-        residual = self._largest_residual(eigenvalues, Phi, n_rigid, inverse)
-        squares, flat = separate_modes(self._fe, self._nodal(Phi[:, n_rigid:]).reshape(self._fe.K.shape[0], -1))
-        order = np.argsort(squares)
-        flat = flat[:, order]
+        residual, Phi = self._largest_residual(eigenvalues, Phi, n_rigid, inverse)
+        squares, flat = separate_modes(self._fe, self._nodal(Phi).reshape(self._fe.K.shape[0], -1))
         flat = flat * np.sign(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])])
-        shapes = flat.reshape(len(self._fe.x), 3, -1)
+        order = np.argsort(squares)
+        shapes = flat[:, order].reshape(len(self._fe.x), 3, -1)
         return EigenPairs(np.sqrt(squares[order]), shapes, n_rigid, residual, factor=self._factor.figures)
 
-    def _largest_residual(self, eigenvalues: Array, Phi: Array, n_rigid: int, inverse: Inverse) -> float:
-        """Largest residual of the elastic pairs, in the energy norm: that of the eigenvalue is about its square.
+    def _largest_residual(self, eigenvalues: Array, Phi: Array, n_rigid: int, inverse: Inverse) -> tuple[float, Array]:
+        """Largest residual of the elastic pairs, in the energy norm, and their modes less their residuals' responses.
 
         ``r = K φ − λ M φ`` is weighed by the inverse of ``K − σ M``, in which round-off of the stiffest element motions
         counts little and the reactions of constraints may be of any size.
@@ -349,15 +353,17 @@ class FreeBodySolver:
         if not error < LARGEST_OVERLAP:
             raise AccuracyError(f"modes are not M-orthonormal: error {error:.1e} exceeds {LARGEST_OVERLAP:.0e}")
         elastic, bent, moved = eigenvalues[n_rigid:], Phi[:, n_rigid:], MPhi[:, n_rigid:]
-        energies = np.empty_like(elastic)
+        energies, answers = np.empty_like(elastic), np.empty_like(bent)
         for first in range(0, len(energies), COLUMNS_AT_ONCE):
             some = slice(first, first + COLUMNS_AT_ONCE)
-            defects = self._K @ bent[:, some] - elastic[some] * moved[:, some]
-            energies[some] = np.einsum("ij,ij->j", defects, inverse(defects))
+            defects = self._forces(bent[:, some]) - elastic[some] * moved[:, some]
+            answers[:, some] = inverse(defects)
+            energies[some] = np.einsum("ij,ij->j", defects, answers[:, some])
         residuals = np.sqrt(np.maximum(energies, 0.0) / (elastic - self.shift))
         worst = int(residuals.argmax())
         if not residuals[worst] < LARGEST_RESIDUAL:
-            rounded = self._rounded_residual(elastic[worst], Phi[:, n_rigid + worst], inverse)
+            defect = rounded_defect(self._K, Phi[:, n_rigid + worst])  # what round-off leaves by itself
+            rounded = float(np.sqrt(defect @ inverse(defect) / (elastic[worst] - self.shift)))
             if not residuals[worst] < min(OF_ROUND_OFF * rounded, ROUNDED_RESIDUAL):
                 thin = rounded > 0.1 * ROUNDED_RESIDUAL
                 raise AccuracyError(
@@ -365,12 +371,7 @@ class FreeBodySolver:
                     f"{residuals[worst]:.1e}, above {LARGEST_RESIDUAL:.0e}"
                     + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if thin else "")
                 )
-        return float(residuals[worst])
-
-    def _rounded_residual(self, eigenvalue: float, shape: Array, inverse: Inverse) -> float:
-        """Residual that round-off of ``K φ`` leaves by itself."""
-        defect = rounded_defect(self._K, shape)
-        return float(np.sqrt(defect @ inverse(defect) / (eigenvalue - self.shift)))
+        return float(residuals[worst]), Phi[:, n_rigid:] - answers
 
 
 def _unknowns_of(u: Array, T: sp.csr_array | None) -> Array:

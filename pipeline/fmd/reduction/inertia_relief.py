@@ -40,14 +40,20 @@ def rounded_defect(K: Any, u: Array) -> Array:
 
 
 def solve_balanced(
-    K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], f: Array, advance: Advance = lambda done: None
+    K: Any,
+    M: Any,
+    R: Array,
+    inverse: Callable[[Array], Array],
+    f: Array,
+    advance: Advance = lambda done: None,
+    forces: Callable[[Array], Array] | None = None,
 ) -> Array:
     """Solve ``K u = f − M R a``, the rigid acceleration a being the one that the loads f (n, n_loads) [N] cause.
 
     Conjugate gradients with ``inverse``, ``(K − σ M)⁻¹``, σ < 0, take a few steps. They start anew on what is left of
     the load, balanced again: K doesn't see rigid-body round-off, which would spoil a long run. R (n, n_rigid) are the
     rigid-body modes, to which u (n, n_loads) [m] is M-orthogonal. ``advance`` takes the part that is done, by the
-    digits of the residual that are gone.
+    digits of the residual that are gone; ``forces`` gives ``K u`` with less round-off than K has.
 
     Raises
     ------
@@ -78,7 +84,7 @@ def solve_balanced(
 
     for _ in range(GRADIENT_ROUNDS):
         u += _conjugate_gradients(K, defect, answer, elastic, tell)
-        defect = balance(loads - K @ u)
+        defect = balance(loads - (K @ u if forces is None else forces(u)))
         answer = elastic(defect)
         residual = _energy_norm(defect, answer) / size  # in which round-off of stiff elements counts little
         largest = residual.max()

@@ -121,7 +121,8 @@ def enrich_modes(
     omega2, turn = eigh(fe.stiffness_of(U))
     excited = omega2 >= SOFTER**2 * softest
     omega2, found = separate_modes(fe, np.concatenate([Phi, U @ turn[:, excited]], axis=1))
-    return np.sqrt(omega2), found.reshape(len(fe.x), 3, -1)
+    found[:, : Phi.shape[1]] = Phi
+    return np.concatenate([modes.omega, np.sqrt(omega2[Phi.shape[1] :])]), found.reshape(len(fe.x), 3, -1)
 
 
 def _new_part(basis: Array, U: Array, fe: FEModel, least: float) -> Array:
