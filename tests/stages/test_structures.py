@@ -79,14 +79,16 @@ class Deck:
         path.write_text("\n".join([*lines, "*MATERIAL, NAME=M", "*ELASTIC", "70e9, 0.33", *self.more]) + "\n")
 
 
-def finned(across: Array, own_nodes: bool) -> Deck:
+def finned(across: Array, own_nodes: bool, coarse: bool = False) -> Deck:
     """A block of 20 × 40 × 20 mm with a fin of 4 mm, 60 mm high, in the middle of its top."""
     deck, n = Deck(), len(across) // 2
-    x, z = np.linspace(0, 0.02, 5), np.linspace(-0.02, 0, 9)
+    x, z, heights = np.linspace(0, 0.02, 5), np.linspace(-0.02, 0, 9), np.linspace(0, 0.06, 25)
+    if coarse:
+        x, z, heights = np.linspace(0, 0.02, 3), np.array([-0.02, -0.008, 0.0]), np.linspace(0, 0.06, 9)
     block = deck.block(x, across, z)
     top = [node for (_, _, k), node in block.items() if k == len(z) - 1]
     root = [deck.node(each, 0, 0) if own_nodes else block[i, n, len(z) - 1] for i, each in enumerate(x)]
-    rows = [root] + [[deck.node(each, 0, height) for each in x] for height in np.linspace(0, 0.06, 25)[1:]]
+    rows = [root] + [[deck.node(each, 0, height) for each in x] for height in heights[1:]]
     deck.elements["S4, ELSET=FIN"] = [
         [a[i], a[i + 1], b[i + 1], b[i]] for a, b in pairwise(rows) for i in range(len(x) - 1)
     ]
@@ -147,11 +149,13 @@ def pressed(fin: dict[str, Any]) -> dict[str, Any]:
 
 
 TIE = [{"face": "ROOT", "onto": "TOP"}]
+TETRAHEDRA = ((0, 1, 3, 7), (0, 1, 7, 5), (0, 5, 7, 4), (1, 2, 3, 7), (1, 2, 7, 6), (1, 6, 7, 5))  # of a hexahedron
 
 
-@pytest.mark.parametrize("own_nodes", [True, False])
-def test_a_fin_of_shells_on_a_block_has_the_frequencies_of_solids(tmp_path: Path, own_nodes: bool) -> None:
-    finned(np.linspace(-0.02, 0.02, 41), own_nodes).write(tmp_path / "fin.inp")
+@pytest.fixture(scope="module")
+def solid_fin(tmp_path_factory: pytest.TempPathFactory) -> FlexiblePart:
+    """The block with its fin, of hexahedra with 20 nodes."""
+    folder = tmp_path_factory.mktemp("solid")
     solid = Deck()  # nodes at the fin's sides, and the fin of two elements through its thickness
     y = 1e-3 * np.array([-20, -8, -4, -2, 0, 2, 4, 8, 20])
     x, z = np.linspace(0, 0.02, 3), 1e-3 * np.array([-20, -8, -3, -1, 0, 1, 3, 7, 13, 20, 30, 40, 50, 60])
@@ -160,11 +164,42 @@ def test_a_fin_of_shells_on_a_block_has_the_frequencies_of_solids(tmp_path: Path
     middles = np.array([np.mean([solid.nodes[k - 1] for k in cell], axis=0) for cell in cells])
     kept = (middles[:, 2] < 0) | (np.abs(middles[:, 1]) < 0.002)
     solid.elements = {"C3D8, ELSET=BLOCK": [cell for cell, mine in zip(cells, kept, strict=True) if mine]}
-    solid.write(tmp_path / "solid.inp")
+    solid.write(folder / "solid.inp")
+    part = part_of(body(folder / "solid.inp", order=2))
+    assert len(part.modes.omega) == 5
+    return part
+
+
+@pytest.mark.parametrize("own_nodes", [True, False])
+def test_a_fin_of_shells_on_a_block_has_the_frequencies_of_solids(
+    solid_fin: FlexiblePart, tmp_path: Path, own_nodes: bool
+) -> None:
+    finned(np.linspace(-0.02, 0.02, 41), own_nodes).write(tmp_path / "fin.inp")
     fin = part_of(body(tmp_path / "fin.inp", shell="deck", tie=TIE))
-    whole = part_of(body(tmp_path / "solid.inp", order=2))
-    assert fin.modes.omega == pytest.approx(whole.modes.omega, rel=1e-2)
-    assert fin.mass == pytest.approx(whole.mass)
+    assert fin.modes.omega == pytest.approx(solid_fin.modes.omega, rel=1e-2)
+    assert fin.mass == pytest.approx(solid_fin.mass)
+
+
+def test_a_fin_of_shells_on_coarse_tetrahedra_of_second_order_has_the_frequencies_of_solids(
+    solid_fin: FlexiblePart, tmp_path: Path
+) -> None:
+    deck = finned(1e-3 * np.array([-20.0, -4.0, 0.0, 4.0, 20.0]), own_nodes=True, coarse=True)
+    middles: dict[tuple[int, int], int] = {}
+
+    def between(a: int, b: int) -> int:
+        key = min(a, b), max(a, b)
+        if key not in middles:
+            middles[key] = deck.node(*(deck.nodes[a - 1] + deck.nodes[b - 1]) / 2)
+        return middles[key]
+
+    corners = [[cell[i] for i in own] for cell in deck.elements.pop("C3D8I, ELSET=BLOCK") for own in TETRAHEDRA]
+    sides = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
+    tetrahedra = [cell + [between(cell[a], cell[b]) for a, b in sides] for cell in corners]
+    deck.elements = {"C3D10, ELSET=BLOCK": tetrahedra, **deck.elements}
+    deck.write(tmp_path / "fin.inp")
+    fin = part_of(body(tmp_path / "fin.inp", shell="deck", tie=TIE))
+    assert fin.modes.omega[:4] == pytest.approx(solid_fin.modes.omega[:4], rel=0.03)
+    assert fin.mass == pytest.approx(solid_fin.mass)
 
 
 def test_a_fin_whose_nodes_are_solids_alone_hangs_on_a_hinge_and_says_what_clamps_it(tmp_path: Path) -> None:
