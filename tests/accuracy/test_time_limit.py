@@ -128,7 +128,8 @@ def test_steps_that_do_not_follow_what_a_richer_basis_changes_are_halved(
         return truncation.BasisComparison(ours, theirs)
 
     monkeypatch.setattr(truncation, "_by_steps", by_steps)
-    of: Any = SimpleNamespace(plan=None, beside=(None, {}), implicit_method=GeneralizedAlpha(0.064), limit=TimeLimit())
+    explicit = SimpleNamespace(integrator=None)
+    of: Any = SimpleNamespace(beside=(explicit, {}), implicit_method=GeneralizedAlpha(0.064), limit=TimeLimit())
     of.changes = lambda theirs, ours: Comparison.changes(of, theirs, ours)
     found = truncation._by_implicit_steps(of, [(of, {})])
     change = of.changes(found.enriched, found.ours)["momentum"]

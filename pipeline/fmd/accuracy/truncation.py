@@ -77,6 +77,7 @@ def _compare_lowest(of: Comparison, rich: Pipeline) -> BasisComparison:
     square of its frequency, so that the run's shapes and the lowest ones, as many as the run's and more, tell most.
     """
     tried: list[tuple[Pipeline, dict[str, Array]]] = []
+    is_implicit = isinstance(of.beside[0].integrator, GeneralizedAlpha)
     for more in (limits.LOWEST_SHAPES, 0):
         bodies = dict(rich.bodies)
         as_if: dict[str, Array] = {}
@@ -84,12 +85,14 @@ def _compare_lowest(of: Comparison, rich: Pipeline) -> BasisComparison:
             own = of.run.bodies[name]
             bodies[name], as_if[name] = keep_lowest(body, own.shapes, len(own.omega) + more)
         lowest = sum(len(body.omega) for body in bodies.values())
-        if lowest > limits.LARGE_BASIS * sum(len(body.omega) for body in rich.bodies.values()):
+        if lowest <= limits.LARGE_BASIS * sum(len(body.omega) for body in rich.bodies.values()):
+            tried.append((rich.with_bodies(bodies), as_if))
+        elif not tried and not is_implicit:
             tried.append((rich, {}))
-            break
-        tried.append((rich.with_bodies(bodies), as_if))
+    tried = tried or [(rich, {})]
     first, as_first = tried[0]
-    return (first is not rich and _by_one_method(of, first, as_first)) or _by_implicit_steps(of, tried)
+    alike = None if is_implicit or first is rich else _by_one_method(of, first, as_first)
+    return alike or _by_implicit_steps(of, tried)
 
 
 def _by_implicit_steps(of: Comparison, tried: list[tuple[Pipeline, dict[str, Array]]]) -> BasisComparison:
@@ -98,15 +101,19 @@ def _by_implicit_steps(of: Comparison, tried: list[tuple[Pipeline, dict[str, Arr
     Steps without a solution, as of a loop that starts at rest with fast static responses, are halved. So are steps of
     both where the difference between the two changes by that, as long as this takes a small part of the time left.
     """
-    method: Any = of.implicit_method if of.beside[0] is of.plan else of.beside[0].integrator
+    method: Any = of.beside[0].integrator
+    if not isinstance(method, GeneralizedAlpha):
+        method = of.implicit_method
     for k in range(limits.MOST_REFINEMENTS * len(tried)):
         rich, as_if = tried[k % len(tried)]
         halved = replace(method, step=method.step / 2 ** (k // len(tried)))
         try:
             found = _by_steps(of, rich, as_if, halved, limits.FINER_WORK if k >= len(tried) else 1.0)
-        except AccuracyError:
+        except (LeftOutError, AccuracyError) as fault:
             if k + 1 == limits.MOST_REFINEMENTS * len(tried):
                 raise
+            if isinstance(fault, LeftOutError) and k % len(tried) + 1 == len(tried):
+                raise  # smaller steps take longer
         else:
             break
     while True:
@@ -211,7 +218,12 @@ def require_start(of: Comparison, rich: Pipeline) -> None:
 
 
 def _work_of_vibrations(of: Comparison, rich: Pipeline, followed: float = limits.FOLLOWED) -> float:
-    """Return the work of the Runge-Kutta method on a richer basis over the run's own, where steps follow vibrations."""
+    """Return the work of a method on a richer basis over the run's own: of Runge-Kutta's where steps follow vibrations.
+
+    Of generalised-α tangents take the most, which are renewed each few steps.
+    """
+    if isinstance(of.plan.integrator, GeneralizedAlpha):
+        return float((rich.system.n / of.plan.system.n) ** 3)
     if not isinstance(of.plan.integrator, RungeKutta):
         return 1.0
     steps = rich.system.highest_frequency * float(of.run.output_times[-1]) / followed
