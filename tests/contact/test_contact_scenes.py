@@ -12,6 +12,12 @@ from fmd import Pipeline, load_scene
 from fmd.accuracy.contact_errors import CONTACT_ERRORS, contact_errors
 from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.core.errors import AccuracyError, InputError, StabilityError
+from fmd.integrators.automatic import Automatic
+from fmd.integrators.exponential import PiecewiseExponential
+from fmd.integrators.protocol import Integrator
+from fmd.integrators.reversible import ReversibleSubcycling
+from fmd.integrators.rosenbrock import ExponentialRosenbrock
+from fmd.integrators.scipy_ivp import ScipyIvp
 from fmd.output.contacts import contact_figures, contact_warnings
 from fmd.output.curves import curves_of
 from fmd.output.figure_errors import figure_errors
@@ -190,6 +196,21 @@ def test_a_flat_face_has_no_near_field_of_a_half_space() -> None:
 def test_a_marker_at_a_point_is_no_face() -> None:
     with pytest.raises(InputError, match="middle is no face that can deform"):
         _ = block('contact.floor.between=["ground", "block.middle"]').mechanism
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        ReversibleSubcycling(1e-5, 2),
+        ExponentialRosenbrock(),
+        PiecewiseExponential(1e-5),
+        ScipyIvp("Radau"),
+        Automatic(1e-3, 1e-2),
+    ],
+)
+def test_a_method_that_takes_no_contacts_says_so_from_python_too(dropped: Pipeline, method: Integrator) -> None:
+    with pytest.raises(ValueError, match=rf"^{method.name} takes no contacts; central-difference, "):
+        method.march(dropped.system, *dropped.start, np.array([0.0, 1e-2]))
 
 
 def test_what_would_leave_contacts_out_says_so() -> None:

@@ -224,7 +224,7 @@ class AdaptiveIntegrator(ResumableIntegrator):
 
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0, the same for each tolerance; its first step is a tenth of the highest radian."""
-        start, groups = start_state(system, q0, v0, np.zeros(system.n)), groups_of(system)
+        start, groups = start_state(self, system, q0, v0, np.zeros(system.n)), groups_of(system)
         held = np.zeros(int(groups.max(initial=-1)) + 1)
         largest = np.zeros(held.size + self.n_own)
         keep_largest(groups, largest, np.concatenate([start.q, start.v]))

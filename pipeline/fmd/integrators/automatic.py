@@ -28,7 +28,7 @@ from fmd.integrators.method_costs import (
     rosenbrock_cost,
     stable_steps,
 )
-from fmd.integrators.protocol import Integrator, Progress, ResumableIntegrator, State, Trajectory
+from fmd.integrators.protocol import Integrator, Progress, ResumableIntegrator, State, Trajectory, require_start
 from fmd.integrators.rosenbrock import ExponentialRosenbrock
 from fmd.integrators.runge_kutta import DAMPED, RungeKutta
 from fmd.integrators.side_by_side import March, march_at_once, march_in_turn
@@ -111,6 +111,7 @@ class Automatic(Integrator):
         AccuracyError
             The wanted error was not reached; the message has the last difference, or says why every march failed.
         """
+        require_start(self, system, q0, v0)
         report = pairs_of(system, self.error)
         # Vibrations have short peaks.
         some = times if self._stiff(system) else compared_times(times, limits.COMPARED_TIMES)

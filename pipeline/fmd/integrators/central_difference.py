@@ -39,6 +39,7 @@ class CentralDifference(FixedStepIntegrator):
 
     name = "central-difference"
     marches_tangents = True
+    takes_contacts = True
 
     def __post_init__(self) -> None:
         require_step(self.step)
@@ -58,7 +59,7 @@ class CentralDifference(FixedStepIntegrator):
 
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0, its rates half a step before it."""
-        return start_state(system, q0, v0, self.lag(system))
+        return start_state(self, system, q0, v0, self.lag(system))
 
     def lag(self, system: System) -> Array:
         """Return half a step."""

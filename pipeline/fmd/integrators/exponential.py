@@ -46,6 +46,7 @@ class Exponential(ResumableIntegrator):
     name = "exponential"
     marches_tangents = True
     dense_output = True
+    takes_contacts = True
 
     def __post_init__(self) -> None:
         require_step(self.step)
@@ -104,7 +105,7 @@ class Exponential(ResumableIntegrator):
 
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0."""
-        return start_state(system, q0, v0, np.zeros(system.n))
+        return start_state(self, system, q0, v0, np.zeros(system.n))
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
@@ -164,12 +165,12 @@ class PiecewiseExponential(Integrator):
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 to the last of ``times``."""
+        require_start(self, system, q0, v0)
         require_times(times)
         end = float(times[-1])
         stops = [t for t in system.breakpoints if 0.0 < t < end]
         if not stops:
             return Exponential(self.step).march(system, q0, v0, times, progress)
-        require_start(system, q0, v0)
         _require_oscillators(system)
         stiffness = system.stiffness
         q, v = np.full((times.size, q0.size), np.nan), np.full((times.size, v0.size), np.nan)

@@ -60,6 +60,7 @@ class GeneralizedAlpha(ResumableIntegrator):
 
     name = "generalized-alpha"
     marches_tangents = True
+    takes_contacts = True
 
     def __post_init__(self) -> None:
         require_step(self.step)
@@ -88,7 +89,7 @@ class GeneralizedAlpha(ResumableIntegrator):
 
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0 with both accelerations, and memory for a tangent."""
-        start, own = start_state(system, q0, v0, np.zeros(system.n)), system.motion
+        start, own = start_state(self, system, q0, v0, np.zeros(system.n)), system.motion
         memory = np.zeros(own.n * own.n + 2)
         alone = replace(start, q=start.q[: own.n_positions], v=start.v[: own.n], a=start.a[: own.n])
         memory[-1] = balanced_accelerations(own, alone).max(initial=0.0)
@@ -266,9 +267,8 @@ def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
             left = max(left, abs(m.found[i] - m.new[i]))
         _correct(m)
         for i in range(n):
-            largest = (
-                abs(m.found[i]) if not abs(m.found[i]) <= largest else largest
-            )  # keeps a NaN, which max would lose
+            if not (abs(m.found[i]) <= largest or math.isnan(largest)):  # keeps a NaN, which max would lose
+                largest = abs(m.found[i])
             # Auxiliary ones too: their round-off is in what is found, and the guess's in new.
             size = max(size, abs(m.new[i]), abs(m.a[i]), OF_GUESS * abs(m.a[m.v.size + i]))
         for i in range(m.q.size):

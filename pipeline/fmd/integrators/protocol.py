@@ -109,6 +109,7 @@ class Integrator(ABC):
     # marched beside it as more coordinates.
     marches_tangents: bool = False
     dense_output: bool = False  # True if states within a step are as good as those at its ends
+    takes_contacts: bool = False  # True if contacts remember what they have to in its steps
 
     @abstractmethod
     def order(self, system: System) -> int:
@@ -259,17 +260,19 @@ def require_times(times: Array) -> None:
         raise ValueError("times must be finite, from 0 on, in ascending order, and one at least")
 
 
-def require_start(system: System, q0: Array, v0: Array) -> None:
-    """Raise unless positions and rates at the start fit the system and are finite."""
+def require_start(method: Integrator, system: System, q0: Array, v0: Array) -> None:
+    """Raise ``ValueError`` unless positions and rates at the start are finite and fit a system that a method takes."""
+    if system.n_contact_values and not method.takes_contacts:
+        raise ValueError(f"{method.name} takes no contacts; central-difference, generalized-alpha and runge-kutta do")
     require_shape("q0", q0, (system.n_positions,))
     require_shape("v0", v0, (system.n,))
     require_finite("q0", q0)
     require_finite("v0", v0)
 
 
-def start_state(system: System, q0: Array, v0: Array, lag: Array) -> State:
-    """Return the state at time 0 with its rates a time ``lag`` (n,) [s] before it, by the accelerations."""
-    require_start(system, q0, v0)
+def start_state(method: Integrator, system: System, q0: Array, v0: Array, lag: Array) -> State:
+    """Return a method's state at time 0, its rates a time ``lag`` (n,) [s] before it, by the accelerations."""
+    require_start(method, system, q0, v0)
     a = np.zeros(system.n)
     evaluate(system.parameters, 0.0, q0, v0, a)
     return State(0, q0.astype(float), v0 - lag * a, a)

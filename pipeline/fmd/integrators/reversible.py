@@ -85,7 +85,7 @@ class ReversibleSubcycling(FixedStepIntegrator):
 
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0, as if rates had been the same before."""
-        return replace(start_state(system, q0, v0, np.zeros(system.n)), memory=np.tile(v0, 2))
+        return replace(start_state(self, system, q0, v0, np.zeros(system.n)), memory=np.tile(v0, 2))
 
     def history_size(self, state: State) -> int:
         """Return the number of the mean rates of two cycles."""

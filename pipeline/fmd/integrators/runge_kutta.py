@@ -88,6 +88,7 @@ class RungeKutta(AdaptiveIntegrator):
 
     name = "runge-kutta"
     marches_tangents = True
+    takes_contacts = True
 
     @property
     def differentiable(self) -> RungeKutta:

@@ -66,7 +66,7 @@ class ScipyIvp(Integrator):
         StabilityError
             The method gave up, or its steps never come to an end; the message has the time and the reason.
         """
-        require_start(system, q0, v0)
+        require_start(self, system, q0, v0)
         require_times(times)
         n_positions = system.n_positions
         y, now, end, n_steps = np.concatenate([q0, v0]).astype(float), 0.0, float(times[-1]), 0

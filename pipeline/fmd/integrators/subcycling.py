@@ -62,6 +62,7 @@ class Subcycling(FixedStepIntegrator):
     forces: str = "tangents"
 
     name = "sub-cycling"
+    takes_contacts = True
 
     def __post_init__(self) -> None:
         require_ratio(self.step, self.substeps)
@@ -102,7 +103,7 @@ class Subcycling(FixedStepIntegrator):
 
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0, rates half a step before it, those of slow coordinates half a cycle."""
-        start = start_state(system, q0, v0, self.lag(system))
+        start = start_state(self, system, q0, v0, self.lag(system))
         return replace(start, memory=np.zeros(self._own_memory(system)))
 
     def _own_memory(self, system: System) -> int:
