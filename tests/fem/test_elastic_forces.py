@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fmd import load
+from fmd.reduction.eigen import FreeBodySolver
 
 
 def bar(element: str, order: int, nu: float = 0.3, **mesh: Any) -> dict[str, Any]:
@@ -44,3 +45,15 @@ def test_modes_of_a_slender_bar_are_as_exact_as_its_strain() -> None:
     first, second = (load(table, f"body.bar.E={E} GPa").run.wholes["bar"].modes for E in (70.0, 70.14))
     np.testing.assert_allclose(second.omega**2 / first.omega**2, 70.14 / 70.0, rtol=1e-13)
     np.testing.assert_allclose(np.abs(second.shapes), np.abs(first.shapes), atol=1e-10 * np.abs(first.shapes).max())
+
+
+def test_the_lowest_modes_of_many_are_those_of_few() -> None:
+    """The highest has 8e6 times their squared frequency, by which its parts of lower motions must not grow."""
+    table = bar("hexahedron", 1)
+    table["body"]["bar"]["mesh"]["divisions"] = [40, 1, 1]
+    fe = load(table).run.wholes["bar"].fe
+    many, few = (FreeBodySolver(fe).modes(n) for n in (200, 4))
+    np.testing.assert_allclose(many.omega[:4] ** 2, few.omega**2, rtol=1e-12)
+    flat = many.shapes.reshape(len(fe.rigid_modes), -1)
+    rigid = fe.rigid_modes / np.sqrt(np.einsum("ij,ij->j", fe.rigid_modes, fe.M @ fe.rigid_modes))
+    np.testing.assert_allclose(rigid.T @ (fe.M @ flat), 0.0, atol=1e-12)

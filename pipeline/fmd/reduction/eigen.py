@@ -357,8 +357,9 @@ class FreeBodySolver:
         for first in range(0, len(energies), COLUMNS_AT_ONCE):
             some = slice(first, first + COLUMNS_AT_ONCE)
             defects = self._forces(bent[:, some]) - elastic[some] * moved[:, some]
-            answers[:, some] = inverse(defects)
-            energies[some] = np.einsum("ij,ij->j", defects, answers[:, some])
+            found = inverse(defects)
+            energies[some] = np.einsum("ij,ij->j", defects, found)
+            answers[:, some] = found - Phi @ (MPhi.T @ found)  # in which lower modes' round-off would be larger
         residuals = np.sqrt(np.maximum(energies, 0.0) / (elastic - self.shift))
         worst = int(residuals.argmax())
         if not residuals[worst] < LARGEST_RESIDUAL:
