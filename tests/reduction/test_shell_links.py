@@ -138,6 +138,10 @@ def test_rigid_bodies_of_abaqus_are_those_of_nastran_with_pins_or_without(tmp_pa
         abaqus = link_points(fe, find_deck_links(mesh.connections, fe.discretisation))
         both = [FreeBodySolver(each).modes(6).omega for each in (nastran, abaqus)]
         assert both[0] == pytest.approx(both[1], rel=1e-9)
+    more = f"*NSET, NSET=END\n{ends}\n*RIGID BODY, REF NODE=1, NSET=END\n"
+    write_abaqus(tmp_path / "panel.inp", x, {"S4": cells}, more)
+    with pytest.raises(InputError, match=r"BODY 1 has a node of shells or beams as REF NODE.*one of no element at its"):
+        read_shell(tmp_path / "panel.inp", 1e-3, GivenSections(2e-3), 1.0)
 
 
 def test_a_distributing_coupling_weights_a_shells_nodes_by_the_area_around_them(tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ class Beams:
     parts: Mapping[str, IntArray]
     faces: Mapping[str, IntArray]  # nodes of each face, which is all of the sections there
     offsets: Array | None = None  # (n_beams, 2, 3): of the centroids at both ends from their nodes [m]
+    notes: tuple[str, ...] = ()  # how something of their file is read
 
 
 @dataclass(frozen=True)
@@ -106,5 +107,6 @@ def extrude(beams: Beams) -> SolidMesh:
         "hexahedron",
         {name: np.flatnonzero(np.isin(of_beam, own)) for name, own in beams.parts.items()},
         {name: np.flatnonzero(np.isin(owner[first], nodes)) for name, nodes in beams.faces.items()},
+        notes=beams.notes,
         midsurface=line,
     )

@@ -12,7 +12,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.files import DEEPEST_SETS
-from fmd.fem.cells.table import CELLS
+from fmd.fem.cells.table import CELLS, is_solid
 from fmd.fem.formats.abaqus_links import AbaqusLinks, DeckPoints
 from fmd.fem.formats.beam_sections import BeamElement, DeckBeams, take_abaqus_section
 from fmd.fem.formats.named_sets import cells_by_block, nodes_of_facets
@@ -160,13 +160,16 @@ class Deck:
         def elements(name: str, numbers: Mapping[int, object]) -> list[int]:
             return sorted(self._members(known(name, element_sets, "element set"), element_sets, dict(numbers)))
 
-        meshed = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(cells.ravel() for _, cells in raw.blocks)]))
-        found = self.links.connections(DeckPoints(place, raw.points, meshed, nodes, cell_nodes, surface, elements))
+        none = np.zeros(0, dtype=np.int64)
+        meshed = np.unique(np.concatenate([none, *(cells.ravel() for _, cells in raw.blocks)]))
+        turning = np.concatenate([none, *(cells.ravel() for kind, cells in raw.blocks if not is_solid(kind))])
+        points = DeckPoints(place, raw.points, meshed, turning, nodes, cell_nodes, surface, elements)
+        found = self.links.connections(points)
         used = set(found.points.tolist())
         names = {str(number): point for number, point in place.items() if point in used}
-        for name, points in raw.point_sets.items():
-            if len(points) == 1 and int(points[0]) in used:
-                names[name] = int(points[0])
+        for name, own in raw.point_sets.items():
+            if len(own) == 1 and int(own[0]) in used:
+                names[name] = int(own[0])
         raw.connections = replace(found, names=names)
 
     def _members(

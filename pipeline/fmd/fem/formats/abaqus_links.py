@@ -25,6 +25,7 @@ _PROPERTIES = ("MASS", "ROTARY INERTIA", "SPRING")
 _JOINS = ("RIGID BODY", "COUPLING", "KINEMATIC COUPLING")
 _KINDS = ("KINEMATIC", "DISTRIBUTING")
 LINK_KEYWORDS = (*_JOINS, *_KINDS, *_PROPERTIES, "EQUATION", "TIE", "TRANSFORM")
+_OWN_NODE = "write that node into the NSET, and one of no element at its place as REF NODE"
 _ALL, _MOVES = {1, 2, 3, 4, 5, 6}, {1, 2, 3}
 
 Data = list[list[str]]
@@ -37,6 +38,7 @@ class DeckPoints:
     place: Mapping[int, int]  # place of each node by its number
     x: Array  # (n, 3): positions
     meshed: IntArray  # those of elements of the mesh
+    turning: IntArray  # those of shells and beams
     nodes: Callable[[str], IntArray]  # places of the nodes of a set of nodes, or of one node, by name or number
     cell_nodes: Callable[[str], IntArray]  # places of the nodes of a set of elements
     # Corners of a surface's facets and the places of its nodes; no facets if it is one of nodes.
@@ -154,6 +156,10 @@ def _rigid_body(label: str, reference: IntArray, options: dict[str, str], points
     if "ELSET" in options:
         turning.append(points.cell_nodes(options["ELSET"]))
     if "NSET" in options:
+        if np.isin(reference, points.turning).any():
+            raise MeshFileError(
+                f"{label} has a node of shells or beams as REF NODE, which CalculiX holds on a pin, too; {_OWN_NODE}"
+            )
         own = points.nodes(options["NSET"])
         pinned.append(np.intersect1d(own, points.meshed))
         turning.append(np.setdiff1d(own, points.meshed))

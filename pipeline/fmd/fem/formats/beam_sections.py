@@ -40,6 +40,7 @@ class DeckBeams:
     sections: dict[str, DrawnSection] = field(default_factory=dict)  # by the name of their property or set
     elements: list[BeamElement] = field(default_factory=list)  # of the lines of two nodes, in the order of their blocks
     faults: list[str] = field(default_factory=list)  # what isn't read
+    notes: list[str] = field(default_factory=list)  # how something is read that other programs read otherwise
 
     def add_numbers(self, name: str, label: str, found: DrawnSection | str) -> None:
         """Add a section by its numbers, or what is wrong with it."""
@@ -259,10 +260,21 @@ def take_abaqus_section(
             deck.add_numbers(name, label, numbers(area, (about_y, about_z, product), torsion, (1.0, 1.0), 0.0, seen))
     elif kind not in _ABAQUS:
         deck.faults.append(f"{label} with SECTION = {kind or 'none'}; {', '.join(_ABAQUS)} are read")
+    elif kind == "CIRC" and rows and len(rows[0]) == 2:  # CalculiX's, the thickness along both axes
+        if are_alike(*rows[0]):
+            deck.sections[name] = DrawnSection(round_section, (rows[0][0],))
+        else:
+            deck.faults.append(f"{label} with SECTION = CIRC of two thicknesses is an ellipse; a circle is read")
     elif not rows or len(rows[0]) != _ABAQUS[kind][0]:
         deck.faults.append(f"{label} has not the {_ABAQUS[kind][0]} measures of its kind")
     elif (found := _ABAQUS[kind][1](*rows[0])) is None:
         deck.faults.append(f"{label} has walls that differ from side to side, or nodes off its middle")
     else:
         deck.sections[name] = found
+        if kind == "CIRC":
+            radius = rows[0][0]
+            deck.notes.append(
+                f"{label}: CIRC {radius:g} is its radius, as in Abaqus; CalculiX takes it for the diameter, for which "
+                f"write it twice, {radius:g}, {radius:g}"
+            )
     return np.array(rows[1]) if len(rows) > 1 and len(rows[1]) == 3 else np.array([0.0, 0.0, -1.0])

@@ -66,6 +66,7 @@ def take_beams(raw: RawMesh, scale: float, mass_unit: float | None) -> tuple[Bea
         parts | ({"rest": rest} if len(rest) else {}),
         faces_of_points(raw, place),
         offsets,
+        tuple(raw.beams.notes),
     )
     return whole, place
 
