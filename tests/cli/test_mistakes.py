@@ -65,6 +65,16 @@ MISTAKES = {
     "another program's body": Mistake(
         PART, 'shape = "bar"', 'shape = "beam"', "body.part.shape", "beam", "did you mean 'bar'?"
     ),
+    "another program's rigid body": Mistake(
+        CRANK.replace('"rod"\nmass', '"rigid"\ninertia = ["1 kg m^2", "1 kg m^2", "1 kg m^2"]\nmass').replace(
+            'length = "150 mm"\n', "", 1
+        ),
+        'shape = "rigid"',
+        'shape = "box"',
+        "body.crank.shape",
+        "box",
+        "did you mean 'rigid'?",
+    ),
     "no marker's name": Mistake(PART, '"part.root"', '"root"', "joint.hub.child", "root", "the bodies: part"),
     "misspelt marker": Mistake(
         PART, "part.root", "part.rot", "joint.hub.child", "part.rot", "did you mean 'part.root'?"

@@ -30,8 +30,17 @@ def cells(text: str) -> list[list[str]]:
 
 
 def test_a_figure_has_the_prefix_that_fits():
-    given = [(1.728e6, "Pa"), (5.438e-3, "m"), (0.9999, "s"), (131.04, "Hz"), (0.0, "m"), (-2e-9, "m"), (None, "s")]
-    expected = ["1.728 MPa", "5.438 mm", "0.9999 s", "131 Hz", "0 m", "-2 nm", "–"]
+    given = [
+        (1.728e6, "Pa"),
+        (5.438e-3, "m"),
+        (0.9999, "s"),
+        (131.04, "Hz"),
+        (0.0, "m"),
+        (-2e-9, "m"),
+        (0.03, "1"),
+        (None, "s"),
+    ]
+    expected = ["1.728 MPa", "5.438 mm", "0.9999 s", "131 Hz", "0 m", "-2 nm", "0.03", "–"]
     assert [scaled(value, unit) for value, unit in given] == expected
 
 

@@ -159,6 +159,11 @@ def test_results_that_a_body_can_not_have_are_refused_by_the_scene_alone(name: s
     require_results(arm, ["tip", "stress", "forearm.frequency.3", "gripper.mass", "mass", "elbow.force.size"])
 
 
+def test_a_joint_that_turns_in_space_is_offered_by_its_orientation() -> None:
+    with pytest.raises(InputError, match=r"did you mean 'float\.orientation'"):
+        require_results(load_scene("rotor"), ["float.orientations"])
+
+
 def test_the_terminal_says_how_many_points_it_leaves_out(scene: Path, fmd, capsys, monkeypatch, tmp_path) -> None:
     monkeypatch.setattr("fmd.cli.swept_points.SWEPT_ROWS", 1)
     runs = 'simulation.run=[{integrator="runge-kutta"},{integrator="auto"}]'

@@ -13,12 +13,12 @@ def scaled(value: float | None, unit: str = "", digits: int = 4) -> str:
     if value is None:
         return "–"
     factor, prefix = prefix_for(value, unit)
-    return f"{value / factor:.{digits}g} {prefix}{unit}".rstrip()
+    return f"{value / factor:.{digits}g} {prefix}{'' if unit == '1' else unit}".rstrip()
 
 
 def prefix_for(value: float, unit: str) -> tuple[float, str]:
     """Return the factor and the prefix of a unit that fit a value's size, e.g. 1e6 and ``M``."""
-    if not value or unit in ("", "rad", "rad/s", "Hz", "kg"):  # units without prefixes
+    if not value or unit in ("", "1", "rad", "rad/s", "Hz", "kg"):  # units without prefixes
         return 1.0, ""
     fitting = [(f, p) for f, p in _PREFIXES if abs(value) >= 0.9995 * f and not (unit == "s" and f > 1)]
     return fitting[0] if fitting else (1.0, "")  # below a nano, powers of ten are easier to read

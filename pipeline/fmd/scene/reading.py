@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import math
 import re
 import reprlib
 import sys
@@ -34,11 +35,13 @@ _ALTERNATIVE = re.compile(r"(literal|function-\w+)\[|\[key\]$|(constrained-)?(st
 SYNONYMS = {
     "revolute": "hinge hinged pin pinned rotary rotational rotation",
     "prismatic": "slider slide sliding translational linear",
-    "spherical": "ball ballsocket socket",
+    "spherical": "ball balljoint ballsocket socket",
     "fixed": "weld welded rigid clamp clamped",
     "universal": "cardan hooke",
     "free": "floating sixdof",
     "bar": "beam box cuboid block",
+    "rigid": "box cuboid block sphere ball cylinder mass lumped",
+    "shaft": "cylinder",
     "point": "pointmass mass lumped",
     "E": "youngsmodulus youngmodulus young modulus elasticmodulus elasticity emodulus",
     "nu": "poisson poissonratio poissonsratio",
@@ -263,9 +266,21 @@ def kinds_as_meant(error: ValidationError, tables: Mapping[str, Any]) -> dict[st
 
 
 def _near_kind(error: ErrorDetails) -> str | None:
-    """Return the kind of table that is likely meant by one that there isn't."""
+    """Return the kind of table that is likely meant by one that there isn't; of several the one that its keys fit."""
     context = error.get("ctx", {})
-    return next(iter(_near(str(context["tag"]), re.findall("'([^']*)'", context["expected_tags"]))), None)
+    near = _near(str(context["tag"]), re.findall("'([^']*)'", context["expected_tags"]))
+    key, given = context["discriminator"].strip("'"), {str(name) for name in error["input"]}
+    return min(near, key=lambda kind: _misfits(SceneTable, key, kind, given), default=None)
+
+
+def _misfits(table: type[SceneTable], key: str, kind: str, given: set[str]) -> float:
+    """Return how many keys are too many or missing for a kind, among the subclasses of a table; infinite for no kind."""
+    fields = {field.alias or name: field for name, field in table.model_fields.items()}
+    if key in fields and get_args(fields[key].annotation) == (kind,):
+        return len(given - fields.keys()) + sum(
+            field.is_required() for name, field in fields.items() if name not in given
+        )
+    return min((_misfits(each, key, kind, given) for each in table.__subclasses__()), default=math.inf)
 
 
 def join_errors(

@@ -171,7 +171,9 @@ def _asked_quantity(scene: Scene, name: str) -> dict[str, Any] | None:
 def _examples(scene: Scene) -> list[str]:
     """Return names of results that a run has."""
     found = ["tip", "mass", *(f"{body}.{kind}" for body in scene.flexible for kind in ("stress", "frequency.1"))]
-    found += [f"{joint}.{kind}" for joint in scene.joint for kind in ("force", "position")]
+    for name, joint in scene.joint.items():
+        found += [f"{name}.force"] + [f"{name}.position"] * bool(joint.kind.unit)
+        found += [f"{name}.orientation"] * joint.kind.turns_in_space
     found += [f"{mesh}.{kind}" for mesh in scene.gear_mesh for kind in ("force", "transmission_error")]
     markers = [f"{body}.{marker}" for body, table in scene.body.items() for marker in table.marker]
     return [*found, *(f"{marker}.position" for marker in markers)]
