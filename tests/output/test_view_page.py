@@ -44,6 +44,27 @@ addEventListener("load", () => {
 });
 </script></body>"""
 
+# Moves the crank by its prescribed angle and by the run to the same times, and plays the run.
+PLAYED = """<script>
+const answer = (value) => document.documentElement.dataset.answer = JSON.stringify(value);
+addEventListener("error", (e) => answer(e.message));
+addEventListener("load", async () => {
+  const sliders = [...document.querySelectorAll("[name=clip]")], found = [];
+  const clock = () => document.querySelector("[name=clock]").textContent;
+  for (const value of [1, 16, 29, 48]) for (const slider of [sliders[0], sliders.at(-1)]) {
+    slider.value = value; slider.dispatchEvent(new Event("input"));
+    const labels = [...document.querySelectorAll(".labels span")];
+    found.push([clock(), labels.map((label) => [parseFloat(label.style.left), parseFloat(label.style.top)])]);
+  }
+  document.querySelector("[name=play]").click();
+  await new Promise((then) => setTimeout(then, 200));
+  const shown = [clock(), sliders[0].value];
+  sliders[0].value = 5; sliders[0].dispatchEvent(new Event("input"));
+  await new Promise((then) => setTimeout(then, 200));
+  answer([found, shown, clock(), document.querySelector("[name=play]").textContent]);
+});
+</script></body>"""
+
 
 def unpacked(text, kind, *shape):
     return np.frombuffer(base64.b64decode(text), dtype=kind).reshape(*shape)
@@ -108,3 +129,36 @@ def test_a_browser_names_what_the_pointer_is_over_and_moves_joints(fmd, tmp_path
     assert turned[1] != start[1]
     assert other[0].startswith("shoulder ")
     assert other[2][1] == "24"  # the other slider is back at the start
+
+
+CRANK = ["body.rod.mesh.divisions=[8,1,1]", "body.rod.modes.count=2", "simulation.duration=48 ms"]
+CRANK += ["simulation.output_step=1 ms", 'simulation.run=[{integrator="runge-kutta"}]']
+
+
+def test_a_run_is_shown_where_its_markers_are():
+    run = load("slider-crank", *CRANK).run
+    view = collect_poses(run, run.motion)
+    film, names = view["clips"][view["film"]], view["markers"]["names"]
+    assert (film["name"], film["count"], view["clocks"][film["first"] + 16]) == ("run", 49, "run 16 ms")
+    points = unpacked(view["markers"]["points"], "<f4", len(view["clocks"]), len(names), 3)
+    ran = points[film["first"] :, names.index("rod.slider, slider.pin")]
+    assert ran == pytest.approx(run.motion.tip_position, abs=1e-6)
+    rod = next(body for body in view["bodies"] if body["name"] == "rod")
+    bent = rod["step"] * unpacked(rod["displacements"], "<i2", len(view["clocks"]), -1)
+    assert np.abs(bent[film["first"] :]).max() > 1e-3 > 1e9 * np.abs(bent[: film["first"]]).max()
+
+
+@pytest.mark.slow
+def test_a_browser_moves_the_crank_by_its_slider_as_it_ran_and_plays_the_run(fmd, tmp_path):
+    path = tmp_path / "view.html"
+    assert (
+        fmd("view", "slider-crank", "--run", *(f"--set={each}" for each in CRANK), "--no-browser", "--out", path) == 0
+    )
+    found, shown, left, button = answers(tmp_path, path.read_text(encoding="utf-8"), PLAYED)
+    for (moved, places), (ran, marched) in zip(found[::2], found[1::2], strict=True):
+        assert ran == moved.replace("time", "run")
+        assert np.array(places) == pytest.approx(np.array(marched), abs=0.1)  # [%]: the rod's ends come nearer, bent
+    assert np.ptp([places for _, places in found], axis=0).max() > 20
+    assert shown[0].startswith("run ")
+    assert shown[0] != "run 48 ms"
+    assert (shown[1], left, button) == ("0", "time 5 ms", "play")

@@ -27,7 +27,7 @@ app = App(
 _COMMANDS = {
     "run:run": "Do everything that a scene lists: mesh, modes, motion, stress, pictures, an error budget.",
     "new:new": "Write a commented scene to start from.",
-    "view:view": "The mechanism in the browser before it runs: names, faces, joints moved by sliders.",
+    "view:view": "The mechanism in the browser: names, faces, joints moved by sliders, its run played.",
     "mesh:mesh": "Mesh alone: counts, volume, mass and the smallest scaled Jacobian.",
     "modes:modes": "Modes alone: frequencies beside the scene's reference.",
     "campbell:campbell": "Campbell diagram: frequencies on a turning hub over its rate of rotation.",

@@ -274,7 +274,7 @@ def _near_kind(error: ErrorDetails) -> str | None:
 
 
 def _misfits(table: type[SceneTable], key: str, kind: str, given: set[str]) -> float:
-    """Return how many keys are too many or missing for a kind, among the subclasses of a table; infinite for no kind."""
+    """Return how many keys are too many or missing for a kind, a subclass of a table; infinite if there is none."""
     fields = {field.alias or name: field for name, field in table.model_fields.items()}
     if key in fields and get_args(fields[key].annotation) == (kind,):
         return len(given - fields.keys()) + sum(

@@ -1,4 +1,4 @@
-"""Poses of an undeformed mechanism: each joint moved through its range, and prescribed motions over their time."""
+"""Poses of a mechanism: undeformed, each joint moved through its range, prescribed motions over time; or as it ran."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from fmd.core.arrays import Array
 from fmd.core.limits.shown import MOST_BENT, POSES_OF_A_JOINT
 from fmd.integrators.protocol import State, Trajectory
 from fmd.recovery.motion import Motion
+from fmd.recovery.stress import choose_frames
 from fmd.stages.loop_closing import close_pose
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 class Clip:
     """Poses of a mechanism along one coordinate, its other joints at the start or as loops make them follow."""
 
-    name: str  # the joint's, or ``time`` for all prescribed motions
+    name: str  # the joint's, ``time`` for all prescribed motions, or ``run``
     unit: str  # ``rad``, ``m`` or ``s``
     values: Array  # (n_poses,): of the coordinate, ascending
     times: Array  # (n_poses,): at which prescribed motions are taken [s]
@@ -110,6 +111,13 @@ class _Poses:
             if modal.any():
                 largest = max(largest, float(np.abs(self.run.bodies[link.name].shapes @ modal).max()))
         return largest
+
+
+def pose_as_marched(motion: Motion) -> Clip:
+    """Return the poses at output times of a march, some if there are many."""
+    chosen = choose_frames(len(motion.times), POSES_OF_A_JOINT)
+    times = motion.times[chosen]
+    return Clip("run", "s", times, times, motion.trajectory.q[chosen], 0)
 
 
 def run_at_poses(run: Pipeline, times: Array, q: Array) -> Pipeline:

@@ -1,4 +1,4 @@
-"""The page of a mechanism as it is assembled, to be looked at before it runs."""
+"""The page of a mechanism as it is assembled, to be looked at before it runs, and as it ran."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from fmd.fem.surface import surface_facets
 from fmd.output.mechanism_view import view_mechanism
 from fmd.output.report.page import render_page
 from fmd.output.report.view3d import describe_mechanism, encode
+from fmd.recovery.motion import Motion
 from fmd.render.camera import Camera
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.poses import Clip, find_clips, run_at_poses, undeformed_start
+from fmd.stages.poses import Clip, find_clips, pose_as_marched, run_at_poses, undeformed_start
 
 
-def make_view_page(run: Pipeline, overrides: Sequence[str] = ()) -> str:
+def make_view_page(run: Pipeline, overrides: Sequence[str] = (), motion: Motion | None = None) -> str:
     """Make the page of a run's mechanism: bodies, markers, joints, loads and faces by name, joints moved by sliders.
 
-    Nothing is integrated; of a flexible body the mesh and its reduction are needed.
+    Nothing is integrated; of a flexible body the mesh and its reduction are needed. A motion of the run is played.
 
     Raises
     ------
@@ -39,24 +40,25 @@ def make_view_page(run: Pipeline, overrides: Sequence[str] = ()) -> str:
         title=run.scene.title,
         scene=run.scene.name,
         overrides=overrides,
-        view=collect_poses(run),
+        view=collect_poses(run, motion),
         closing=", ".join(run.divided_scene.closing),
         scene_table=run.scene._repr_html_(),
     )
 
 
-def collect_poses(run: Pipeline) -> dict[str, Any]:
+def collect_poses(run: Pipeline, motion: Motion | None = None) -> dict[str, Any]:
     """Collect a mechanism at the start, and along each coordinate that a slider moves, as `describe_mechanism` does.
 
     With it come ``clips``: ``name``, number of ``first`` frame, ``count`` and number of the one at the ``start`` among
-    these; ``clocks``, a text for each frame; ``markers``, ``names`` and float32 ``points`` (n_frames, n_markers, 3)
-    [m]; and, of bodies with named faces, ``faces``: their ``names`` and that of each triangle by number ``of``
-    (n_triangles,), the last one empty.
+    these; ``film``, the number of the clip that shows a motion of the run, if one is given; ``clocks``, a text for each
+    frame; ``markers``, ``names`` and float32 ``points`` (n_frames, n_markers, 3) [m]; and, of bodies with named faces,
+    ``faces``: their ``names`` and that of each triangle by number ``of`` (n_triangles,), the last one empty.
     """
     q0 = undeformed_start(run)
     still = run_at_poses(run, np.zeros(1), q0[None])
     extent = view_mechanism(still, np.zeros(1, dtype=np.int64), stressed=False).around()
     clips = find_clips(run, q0, float(np.linalg.norm(np.ptp(extent, axis=0))) / 2)
+    clips += () if motion is None else (pose_as_marched(motion),)
     times = np.concatenate([np.zeros(1), *(clip.times for clip in clips)])
     posed = run_at_poses(run, times, np.concatenate([q0[None], *(clip.q for clip in clips)]))
     frames = np.arange(len(times))
@@ -71,6 +73,7 @@ def collect_poses(run: Pipeline) -> dict[str, Any]:
             {"name": clip.name, "first": int(at), "count": len(clip.values), "start": clip.start}
             for clip, at in zip(clips, first, strict=False)
         ],
+        "film": None if motion is None else len(clips) - 1,
         "markers": _markers(posed),
     }
 

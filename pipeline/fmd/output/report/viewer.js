@@ -1,6 +1,6 @@
 "use strict";
 // A mechanism that turns and moves: drag to rotate, wheel or pinch to zoom, with shift to move, arrow keys, double click
-// to go back; a slider for the time, which a button plays, or one for each coordinate. What the pointer is over is named.
+// to go back; a slider for the time, which a button plays, and one for each coordinate. What the pointer is over is named.
 
 const VERTEX = `#version 300 es
 in vec3 position, normal; in float level;
@@ -221,15 +221,20 @@ function show(figure) {
   const magnify = (factor) => { zoom *= factor; move = move.map((m) => m * factor); draw(); };
 
   const stop = () => { clearInterval(playing); playing = null; play.textContent = "play"; };
+  const film = time ? { first: 0, count: data.clocks.length } : (data.clips || [])[data.film];
+  const leave = (k) => clips.forEach((other, j) => { if (j !== k) other.value = data.clips[j].start; });
   const begin = () => {
-    play.textContent = "stop";
-    playing = setInterval(() => { time.value = frame = (frame + 1) % data.clocks.length; pose(); }, 60);
+    play.textContent = "stop"; leave(data.film);
+    playing = setInterval(() => {
+      const shown = (Math.max(frame - film.first, -1) + 1) % film.count;
+      (time || clips[data.film]).value = shown; frame = film.first + shown; pose();
+    }, 60);
   };
   if (play) play.addEventListener("click", () => (playing ? stop() : begin()));
   if (time) time.addEventListener("input", () => { stop(); frame = Number(time.value); pose(); });
   clips.forEach((slider, k) => slider.addEventListener("input", () => {
-    clips.forEach((other, j) => { if (j !== k) other.value = data.clips[j].start; });
-    frame = data.clips[k].first + Number(slider.value); pose();
+    if (play) stop();
+    leave(k); frame = data.clips[k].first + Number(slider.value); pose();
   }));
 
   const fingers = new Map();
