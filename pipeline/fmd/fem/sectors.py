@@ -19,10 +19,10 @@ _ONE_MESH = "both cuts need one mesh, as periodic ones have"
 def repeat_sector(mesh: SolidMesh, count: int, cuts: tuple[str, str]) -> SolidMesh:
     """Turn a sector about the z axis as often as it takes to make the whole body, and join the sectors at their cuts.
 
-    There are 3 sectors at least: of two, each cut is turned onto the other by either turn. Cells and nodes come sector
-    by sector, the first as it is; where one cut is turned onto the other, the first one's nodes stay. Parts and faces
-    keep their names for all sectors, with ``-k`` behind it for those of the k-th, of which all cells are the part
-    ``sector-k``.
+    A turn by 2π over the count of sectors carries its two faces ``cuts`` into each other. There are 3 sectors at least:
+    of two, each cut is turned onto the other by either turn. Cells and nodes come sector by sector, the first as it is;
+    where one cut is turned onto the other, the first one's nodes stay. Parts and faces keep their names for all
+    sectors, with ``-k`` behind it for those of the k-th, of which all cells are the part ``sector-k``.
 
     Raises
     ------

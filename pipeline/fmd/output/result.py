@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,9 +23,11 @@ from fmd.output.variable_errors import VariableErrors
 from fmd.output.write import write_results
 from fmd.recovery.motion_file import motion_dataset
 from fmd.scene.scene import Scene, load_scene
+from fmd.stages.part import FlexiblePart
 
 if TYPE_CHECKING:
     import xarray
+    from scipy.sparse import csr_array
 
     from fmd.dynamics.compiled_system.system import CompiledSystem
     from fmd.fem.joined import AnyMesh
@@ -36,15 +39,6 @@ if TYPE_CHECKING:
     from fmd.reduction.modes import Modes
     from fmd.stages.linear_model import LinearModel
     from fmd.stages.store import Log
-
-
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-from fmd.stages.part import FlexiblePart
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
 
 
 @dataclass(frozen=True)

@@ -226,7 +226,7 @@ def make_superelement(
     fixed = complete_pairs(solver, count, B)
     V = np.concatenate([Psi, fixed.shapes.reshape(len(Psi), -1)], axis=1)
     K, M, k = fe.stiffness_of(V), np.asarray(V.T @ (fe.M @ V)), Psi.shape[1]
-    K, M = 0.5 * (K + K.T), 0.5 * (M + M.T)
+    M = 0.5 * (M + M.T)
     # Both are so by theory, up to the solver's round-off.
     K[:k, k:], K[k:, :k] = 0.0, 0.0
     K[k:, k:], M[k:, k:] = np.diag(fixed.omega**2), np.eye(len(fixed.omega))

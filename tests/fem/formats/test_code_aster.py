@@ -1,5 +1,6 @@
 """Matrices printed by Code_Aster, written here by the formats of its own source (matimp.F90, 2025)."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,10 @@ def printed(A: Array, nodes: IntArray, symmetric: bool = True, old: bool = False
         key.replace("_", " "): each for key, each in flags.items()
     }
     rows = ["", " % " + 90 * "-", f" DIMENSION DE LA MATRICE : {n:11d}"]
-    rows += [f" NOMBRE DE TERMES NON NULS (MATRICE SYMETRIQUE) :{n:12d}", *(f" {key} : {v}" for key, v in head.items())]
+    rows += [
+        f" NOMBRE DE TERMES NON NULS (MATRICE SYMETRIQUE) :{np.count_nonzero(np.triu(A)):12d}",
+        *(f" {key} : {v}" for key, v in head.items()),
+    ]
     rows += [" ", f"{'ILIGL':>12}{'JCOLL':>12} {'VALEUR':>14}"]
     for j in range(n):
         for i in range(j + 1):
@@ -49,7 +53,9 @@ def test_a_printed_matrix_is_read_by_nodes_and_components(
     K, labels, order = given
     own = (6 * order[:, None] + np.arange(6)).ravel()
     path = tmp_path / "fort.81"
-    path.write_text(printed(K[np.ix_(own, own)], labels[order], symmetric, old))
+    text = printed(K[np.ix_(own, own)], labels[order], symmetric, old)
+    tiny = re.sub(r"E-\d\d$", "-103", text, flags=re.MULTILINE)  # as Fortran writes 1e-103
+    path.write_text(tiny)
     assert read_matrix(path, labels, 6, "stiffness").toarray() == pytest.approx(K, rel=1e-14, abs=1e-14 * abs(K).max())
 
 
@@ -59,12 +65,16 @@ def test_what_is_not_a_free_bodys_matrix_is_refused_by_name(
     K, labels, _ = given
     text, path = printed(K, labels), tmp_path / "fort.81"
     last = f"{36:12d} 11       DRZ     "
+    first, terms = re.search(r"\n +1 +1 .*", text)[0], np.count_nonzero(np.triu(K))  # type: ignore[index]
     assert last in text
     for changed, unknowns, message in (
         (text, 3, r"node 3 has DRX; DX, DY, DZ are read; with rotations say matrices\.unknowns = 6"),
         (text.replace(last, f"{36:12d} 11       DRZ      LAGR1 BLOCAGE"), 6, "1 of its rows are Lagrange multipliers"),
         (text.replace(last, last.replace("DRZ ", "TEMP")), 6, "node 11 has TEMP; DX, DY, DZ, DRX, DRY, DRZ are read"),
         (text.replace(last, last.replace("11", "12")), 6, "it names node 12, which isn't among the nodes"),
+        (text.replace(last, last.replace("11 ", "TIP")), 6, "it names node TIP, which isn't among the nodes by number"),
+        (text.replace(last, last.replace("DRZ", "DRX")), 6, "two equations of one node and component"),
+        (text.replace(first, ""), 6, rf"it isn't whole: {terms - 1} of the {terms} entries of its half are there"),
         (text.replace(last, ""), 6, "its size is 36, and 35 equations are described"),
         (text.partition("DESCRIPTION")[0], 6, "it isn't whole"),
         (printed(K, labels, MATRICE_A_COEEFICIENTS_REELS="F"), 6, "its entries are complex"),

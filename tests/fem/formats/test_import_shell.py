@@ -175,6 +175,13 @@ def test_single_parts_have_a_thickness_of_their_own(tmp_path: Path) -> None:
     assert mesh.points.tolist() == deck.points.tolist()
     with pytest.raises(InputError, match=r"mesh\.thickness of LID, and the parts are ALL-S4, RIB, PAD, LEFT"):
         read_shell(tmp_path / "sets.inp", 1e-3, GivenSections(2e-3, by_part={"LID": 1e-3}))
+    write_abaqus(tmp_path / "some.inp", x, {"S4": cells}, "\n".join([*sets, sections[1]]))
+    some = read_shell(tmp_path / "some.inp", 1e-3, GivenSections(by_part={"LEFT": 2e-3, "PAD": 5e-3}))
+    assert some.points.tolist() == deck.points.tolist()  # the deck has the rib's alone
+    across = "*ELSET, ELSET=ACROSS, GENERATE\n6, 7"
+    write_abaqus(tmp_path / "across.inp", x, {"S4": cells}, "\n".join([*sets, across]))
+    with pytest.raises(InputError, match=r"mesh\.thickness of PAD and of ACROSS, which share 1 shells"):
+        read_shell(tmp_path / "across.inp", 1e-3, GivenSections(2e-3, by_part={"PAD": 5e-3, "ACROSS": 3e-3}))
     layered = "*SHELL SECTION, ELSET=LEFT, COMPOSITE\n1.0, 3, M, 0\n1.0, 3, M, 90"
     write_abaqus(tmp_path / "deck.inp", x, {"S4": cells}, "\n".join([*sets, *sections[1:], layered]))
     with pytest.raises(InputError, match=r"mesh\.thickness of LEFT, whose shells have layers by the deck"):

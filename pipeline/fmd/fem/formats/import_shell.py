@@ -117,11 +117,12 @@ def take_shells(
     sets = {name: own for name, own in sets.items() if len(own)}
     rest = np.setdiff1d(np.arange(len(cells)), np.concatenate([_NONE, *sets.values()]))
     parts = sets | ({"rest" if sets else "all": rest} if len(rest) else {})
-    own_thickness = _own_thickness(sections.by_part, parts)
-    for name in sorted(own_thickness, key=lambda name: -len(parts[name])):  # of parts within parts the smallest counts
+    for name, thickness in _own_thickness(sections.by_part, parts).items():
         if layup is not None and (layup.numbers[parts[name]] >= 0).any():
             raise MeshFileError(f"mesh.thickness of {name}, whose shells have layers by the deck")
-        t[parts[name]] = own_thickness[name]
+        t[parts[name]] = thickness
+    if without := int(np.count_nonzero(~(t > 0).all(axis=1))):
+        raise MeshFileError(f"{without} of its {len(t)} shells have no thickness above 0 by a section")
     raw.point_sets = rims | raw.point_sets
     faces = faces_of_points(raw, place)
     sheet = Sheet(
@@ -173,9 +174,6 @@ def _sections(
             corner = (raw.blocks[b][1][there][:, None] == cells[own][:, :, None]).argmax(axis=2)
             t[own] = scale * np.take_along_axis(block.thickness[there], corner, axis=1)
             stack[own], direction[own] = block.stack[there], block.direction[there]
-    without = int(np.count_nonzero(~(t > 0).all(axis=1)))
-    if without:
-        raise MeshFileError(f"{without} of its {len(t)} shells have no thickness above 0 by a section")
     if not (stack >= 0).any():
         return t, offset, None
     stacks = tuple(tuple((name, scale * each, angle) for name, each, angle in plies) for plies in raw.stacks)
@@ -183,11 +181,22 @@ def _sections(
 
 
 def _own_thickness(given: Mapping[str, float], parts: Mapping[str, IntArray]) -> dict[str, float]:
-    """Return thickness [m] by the mesh's names of parts; upper and lower case may differ."""
+    """Return thickness [m] by the mesh's names of parts, the largest first: of parts within parts the smallest counts.
+
+    Upper and lower case may differ.
+    """
     known = {name.casefold(): name for name in parts}
     if missing := [name for name in given if name.casefold() not in known]:
         raise MeshFileError(f"mesh.thickness of {missing[0]}, and the parts are {', '.join(parts)}")
-    return {known[name.casefold()]: thickness for name, thickness in given.items()}
+    own = {known[name.casefold()]: thickness for name, thickness in given.items()}
+    order = sorted(own, key=lambda name: -len(parts[name]))
+    for k, name in enumerate(order):
+        for other in order[:k]:
+            common = len(np.intersect1d(parts[name], parts[other]))
+            whole = len(parts[name]) if len(parts[name]) < len(parts[other]) else 0
+            if common not in (0, whole) and own[name] != own[other]:
+                raise MeshFileError(f"mesh.thickness of {other} and of {name}, which share {common} shells")
+    return {name: own[name] for name in order}
 
 
 def _listed(faults: list[str]) -> str:

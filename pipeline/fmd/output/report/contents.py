@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -26,9 +26,6 @@ from fmd.output.stated_errors import ERROR_COLUMNS, error_cells, key_figures, ru
 from fmd.render.camera import Camera
 from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
-
-if TYPE_CHECKING:
-    from fmd.stages.pipeline import Pipeline
 
 
 def show_outputs(run: Pipeline) -> Iterator[dict[str, Any]]:
