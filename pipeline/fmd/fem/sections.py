@@ -243,10 +243,13 @@ def numbered_section(
 
     Of n rectangular tubes around the centroid, all with the section's radii of inertia, each has the share
     ``(1 − m²) / (1 + m²)`` of the area ``12 i_y i_z`` of a rectangle, m being its bore over its outside. A rectangle's
-    numbers give a rectangle. A share of 0 leaves the beam stiff in shear. Stress is that at points (4, 2), if any.
+    numbers give a rectangle. A share of 0 leaves the beam stiff in shear. Stress is that at points (4, 2), if any, each
+    at the drawing's corner that comes as it does around the centroid.
     """
     inertia = np.sqrt(np.array(moments[::-1]) / area)  # radii along y and z
     full = area / (12 * inertia.prod())
+    if seen is not None:
+        seen = seen[np.argsort(np.arctan2(seen[:, 1], seen[:, 0]) % (2 * np.pi), kind="stable")]
     stiff = np.array([share or STIFF_IN_SHEAR for share in shares])
     if abs(full - 1) <= ISOTROPIC:
         whole = rectangular_section(*(np.sqrt(12) * inertia))
