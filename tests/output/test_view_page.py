@@ -148,6 +148,12 @@ def test_a_run_is_shown_where_its_markers_are():
     assert np.abs(bent[film["first"] :]).max() > 1e-3 > 1e9 * np.abs(bent[: film["first"]]).max()
 
 
+def test_what_touches_is_shown_before_it_runs():
+    view = collect_poses(load("drop", "body.plate.mesh.divisions=[4, 2, 1]", "body.plate.modes.count=1").run)
+    assert view["film"] is None
+    assert "plate" in {body["name"] for body in view["bodies"]}
+
+
 @pytest.mark.slow
 def test_a_browser_moves_the_crank_by_its_slider_as_it_ran_and_plays_the_run(fmd, tmp_path):
     path = tmp_path / "view.html"

@@ -16,6 +16,7 @@ from fmd.accuracy.rotor_errors import RicherOrbits, find_richer_orbits
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import write_table
+from fmd.core.limits.patience import OF_TWO_MESHES
 from fmd.core.limits.responses import HALF_POWER, OF_PEAK, PEAK_DIGITS, POINTS_OF_PEAK, SHARPEST, WIDTHS_OF_PEAK
 from fmd.output.campbell import RPM
 from fmd.output.error_table import NOT_STATED
@@ -159,8 +160,11 @@ def with_orbit_errors(
         found = find_richer_orbits(rotor, respond, highest, order, run.store.advance)
         if isinstance(found, str):
             return replace(response, errors=found)
-        criticals = tuple(_with_errors(at, response.markers.index(at.marker), found) for at in response.criticals)
-        return replace(response, errors=found.errors(response.rates, response.amplitude), criticals=criticals)
+        errors, criticals = found.errors(response.rates, response.amplitude), list[Critical]()
+        for k, at in enumerate(response.criticals):
+            run.store.advance(OF_TWO_MESHES + (1.0 - OF_TWO_MESHES) * (k + 1) / (len(response.criticals) + 1))
+            criticals.append(_with_errors(at, response.markers.index(at.marker), found))
+        return replace(response, errors=errors, criticals=tuple(criticals))
 
     return run.store.compute("errors of orbits", estimate)
 

@@ -123,7 +123,7 @@ def pose_as_marched(motion: Motion) -> Clip:
 def run_at_poses(run: Pipeline, times: Array, q: Array) -> Pipeline:
     """Return the stages of a run whose motion is a row of poses at rest, of positions q (n_poses, n_positions).
 
-    Prescribed motions are taken at times (n_poses,) [s], which need not ascend.
+    Prescribed motions are taken at times (n_poses,) [s], which need not ascend. Contacts dent nothing beside the modes.
     """
     posed = copy(run)
     for name in ("stress", "fine_times"):  # of the run's own motion
@@ -133,5 +133,8 @@ def run_at_poses(run: Pipeline, times: Array, q: Array) -> Pipeline:
     motion = Motion(
         run.mechanism, Trajectory("pose", 0.0, 1, times, q, v, 0, 0, 0.0, end), run.divided_scene.simulation.tip
     )
-    posed.results = run.results | {type(run).motions.name: {"pose": motion}}
+    posed.results = run.results | {
+        type(run).motions.name: {"pose": motion},
+        type(run).contact_stress.name: {"pose": {}},
+    }
     return posed
