@@ -184,14 +184,17 @@ def _least_work(mechanism: Mechanism, loads: Sequence[BodyLoads], states: Sequen
 
 
 def _modal(mechanism: Mechanism, body: int, wrenches: Array) -> Array:
-    """Return the modal forces (n,) of loads (n_loads, 6) on a body, in its axes; of round-off there are none."""
+    """Return the modal forces (n,) of loads (n_loads, 6) on a body, in its axes; of round-off there are none.
+
+    A mode that stretches a body has rotations of round-off alone: what counts is the size of all modes together.
+    """
     f, sizes = np.zeros((2, len(mechanism.links[body].omega)))
     for wrench, at in zip(wrenches, loaded_places(mechanism, body).markers, strict=True):
         for part, shape in ((wrench[:3], at.translation), (wrench[3:], at.rotation)):
             if shape.size:
                 f += part @ shape
                 sizes += np.linalg.norm(part) * np.linalg.norm(shape, axis=0)
-    return np.where(np.abs(f) > SOLVED * sizes, f, 0.0)
+    return np.where(np.abs(f) > SOLVED * sizes.max(initial=0.0), f, 0.0)
 
 
 def _of_inertia(mechanism: Mechanism, body: int, loads: BodyLoads, k: int) -> Array:
