@@ -1,6 +1,9 @@
 """Scenes from URDF files: mass matrix and weight against the file's own numbers, put together by hand."""
 
+import re
+import tomllib
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from fmd import Pipeline, load_scene
-from fmd.cli.robot_scenes import _make_names
+from fmd.cli.robot_scenes import _make_names, write_robot_scene
 from fmd.core.arrays import Array
 from fmd.dynamics.kinematics import Kinematics
 from fmd.stages.visual_files import read_shape
@@ -116,6 +119,24 @@ def test_a_tool_without_mass_is_a_marker_and_what_is_left_out_is_named(folder: P
     said = capsys.readouterr().out
     for named in ("<transmission>", "fore.dae", "effort 50, velocity 3 of shoulder", "mass of 4 kg has no effect"):
         assert named in said
+
+
+def test_frames_on_the_ground_and_a_base_without_mass_change_nothing(folder: Path) -> None:
+    base = re.search(r'<link name="base_link">.*</link>', ARM)
+    assert base is not None
+    chain = ["base_link", *(f"pin-{k}" for k in range(4))]  # longer than the arm, whose end stays the tip
+    pins = "".join(
+        f'<link name="{pin}"/><joint name="at-{pin}" type="fixed"><parent link="{on}"/><child link="{pin}"/></joint>'
+        for on, pin in pairwise(chain)
+    )
+    stand = '<link name="world"/><joint name="s" type="fixed"><parent link="world"/><child link="base_link"/></joint>'
+    (folder / "pins.urdf").write_text(ARM.replace(base[0], f'<link name="base_link"/>{stand}{pins}'))
+    text, _ = write_robot_scene(folder / "pins.urdf", folder / "pins.toml")
+    scenes = load_scene(tomllib.loads(text)), load_scene(folder / "robot.toml")
+    assert [scene.simulation.tip for scene in scenes] == ["fore-arm.tool0"] * 2
+    q = np.array([0.3, -0.1])
+    bare, based = (Pipeline(scene).system.accelerations(0.0, q, q) for scene in scenes)
+    assert bare == pytest.approx(based, rel=1e-12)
 
 
 def test_a_link_becomes_a_flexible_bar_of_its_box(folder: Path, fmd) -> None:
