@@ -9,9 +9,11 @@ import pytest
 from fmd.core.arrays import Array
 from fmd.fem.laminate import Lamina, Laminate, Ply
 from fmd.fem.layered import Layered
+from fmd.fem.space import Discretisation
 from fmd.recovery.half_waves import half_waves
 from fmd.recovery.plies import modal_ply_stress
 from fmd.recovery.ply_warping import warped_ply_stress
+from tests.fem.sheets import shell_mesh, unit_grid
 from tests.fem.test_laminate import CARBON, CORE, Elastic, QuarterPlate, crossed, elastic_stress, sandwich, stack
 
 N = 12
@@ -80,6 +82,15 @@ def test_half_waves_of_a_plate_are_its_width(ratio: int, element: str) -> None:
     plate = QuarterPlate(8, stack(CARBON, 1 / ratio, 0, 90), element)
     shapes = np.stack([plate.bend(), np.random.default_rng(1).normal(size=(len(plate.fe.x), 3)) * [1, 1, 0]], axis=2)
     assert half_waves(plate.fe.discretisation, shapes) == pytest.approx([ratio / math.sqrt(2), math.inf], rel=5e-3)
+
+
+@pytest.mark.parametrize("across", [1, 4, 40])
+def test_half_waves_along_a_strip_of_triangles_are_its_length_however_thin_these_are(across: int) -> None:
+    x, cells = unit_grid(20, across, "triangle")
+    space = Discretisation(shell_mesh(np.pad(x * [1, 0.2], ((0, 0), (0, 1))), cells, 0.01), 1)
+    shape = np.zeros((len(space.x), 3, 1))
+    shape[:, 2, 0] = np.sin(np.pi * space.x[:, 0])
+    assert half_waves(space, shape) == pytest.approx([100.0], rel=5e-3)
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -26,12 +26,14 @@ def half_waves(space: Discretisation, shapes: Array) -> Array:
     thickness = np.linalg.norm(way, axis=1)
     w = np.einsum("ea,ekan->ekn", way / thickness[:, None], moved)
     x = (lower + upper) / 2
-    length = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=2)
-    slope = (np.roll(w, -1, axis=1) - w) / length[:, :, None]
-    diagonals = x[:, 2] - x[:, 0], x[:, -1] - x[:, 1]
-    area = np.linalg.norm(np.cross(*diagonals), axis=1)  # twice that of triangles alike; all elements are of one kind
-    across, steep, whole = (
-        area @ each for each in ((w**2).mean(axis=1), 2 * (slope**2).mean(axis=1), (moved**2).sum(axis=2).mean(axis=1))
-    )
+    a, b = x[:, 2] - x[:, 0], x[:, -1] - x[:, 1]
+    area = np.linalg.norm(np.cross(a, b), axis=1)  # twice that of triangles alike; all elements are of one kind
+    if x.shape[1] == 3:
+        turned = b[:, :, None] * (w[:, None, 2] - w[:, None, 0]) - a[:, :, None] * (w[:, None, 2] - w[:, None, 1])
+        slope2 = (turned**2).sum(axis=1) / area[:, None] ** 2
+    else:
+        length = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=2)
+        slope2 = 2 * (((np.roll(w, -1, axis=1) - w) / length[:, :, None]) ** 2).mean(axis=1)
+    across, steep, whole = (area @ each for each in ((w**2).mean(axis=1), slope2, (moved**2).sum(axis=2).mean(axis=1)))
     waves = np.pi * np.sqrt(across / np.where(steep > 0, steep, np.inf)) * area.sum() / (area @ thickness)
     return np.asarray(np.where((steep > 0) & (across > BENDS * whole), waves, np.inf))

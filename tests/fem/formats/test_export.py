@@ -14,7 +14,6 @@ from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
 from fmd.core.errors import InputError
 from fmd.fem.cells.table import CELLS
-from fmd.fem.formats import import_mesh, meshio_reader
 from fmd.fem.formats.export import part_numbers, write_mesh
 from fmd.fem.formats.import_mesh import read_mesh
 from fmd.fem.mesh import SolidMesh
@@ -187,10 +186,7 @@ def vtk_volume(path: Path) -> float:
 
 
 @pytest.mark.parametrize("cell_type", CELLS)
-def test_gmsh_and_vtk_read_a_cell_of_every_type_with_its_volume(
-    cell_type: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(import_mesh, "read_by_meshio", meshio_reader._read)  # without a process for each file
+def test_gmsh_and_vtk_read_a_cell_of_every_type_with_its_volume(cell_type: str, tmp_path: Path) -> None:
     nodes = CELLS[cell_type].nodes
     mesh = SolidMesh(
         nodes + 0.1 * nodes[:, [1, 2, 0]], np.arange(len(nodes))[None], cell_type, {"cell": np.arange(1)}, {}
