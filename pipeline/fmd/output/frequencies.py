@@ -116,9 +116,10 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
 
 
 def _midsurface_warnings(name: str, part: FlexiblePart) -> list[dict[str, str]]:
-    """Warn of a midsurface whose volume isn't the solid's, of hinges, struts, and sections that aren't read."""
+    """Warn of a midsurface whose volume isn't the solid's, hinges, struts, and sections not read or in doubt."""
     if not part.mesh_notes:
         return []
+    from fmd.fem.formats.beam_sections import DIAMETER_MEND
     from fmd.fem.formats.import_shell import THICKNESS_ALONE
     from fmd.fem.joined import HINGE_MEND, STRUT_MEND
     from fmd.stages.meshing.cad_files import UNLIKE_SOLID
@@ -128,6 +129,7 @@ def _midsurface_warnings(name: str, part: FlexiblePart) -> list[dict[str, str]]:
         HINGE_MEND: "hinge",
         STRUT_MEND: "point-moment",
         THICKNESS_ALONE: "left-out",
+        DIAMETER_MEND: "radius",
     }
     return [
         {"code": code, "body": name, "text": f"{name}: {note}"}

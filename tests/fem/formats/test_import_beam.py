@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+import fmd
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.fem.assembly import assemble
@@ -27,6 +28,7 @@ from fmd.fem.sections import (
     round_section,
 )
 from fmd.fem.strain import TENSOR
+from fmd.output.frequencies import mode_warnings
 from fmd.recovery.stress import modal_stress
 from fmd.reduction.eigen import FreeBodySolver
 
@@ -119,7 +121,11 @@ def test_a_frame_is_the_same_from_nastran_and_abaqus(tmp_path: Path, name: str) 
 def test_a_circle_is_by_abaqus_radius_which_is_said_or_by_calculix_two_diameters(tmp_path: Path) -> None:
     """CalculiX 2.20 has 1375.3 Hz for 200 mm of free steel by CIRC 12: slender theory has 1381.3 for 12 mm across."""
     by_radius = read_beams(abaqus(tmp_path / "a.inp", ("CIRC", "12")), 1e-3)
-    assert "E1: CIRC 12 is its radius, as in Abaqus; CalculiX takes it for the diameter" in by_radius.notes[0]
+    assert "E1: CIRC 12 is a radius, as in Abaqus, here and elsewhere; CalculiX takes it for the" in by_radius.notes[0]
+    mesh = {"file": str(tmp_path / "a.inp"), "unit": "mm", "beam": "deck"}
+    body = {"mesh": mesh, "E": "210 GPa", "nu": 0.3, "rho": "7850 kg/m^3", "modes": {"count": 2}}
+    (warning,) = mode_warnings(fmd.load({"title": "Frame", "body": {"frame": body}}).run)
+    assert warning == {"code": "radius", "body": "frame", "text": f"frame: {by_radius.notes[0]}"}
     by_diameters = read_beams(abaqus(tmp_path / "a.inp", ("CIRC", "24, 24")), 1e-3)
     assert by_diameters.notes == ()
     assert by_diameters.points == pytest.approx(by_radius.points, abs=1e-15)

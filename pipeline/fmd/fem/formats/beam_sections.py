@@ -14,6 +14,8 @@ from fmd.core.limits.files import ISOTROPIC
 from fmd.core.limits.mesh import FULLEST_TUBE, MOST_TUBES
 from fmd.fem.sections import Section, box_section, i_section, numbered_section, rectangular_section, round_section
 
+DIAMETER_MEND = "CalculiX takes it for the diameter, for which write the number twice"
+
 
 class DrawnSection(NamedTuple):
     """A section with its measures in the file's unit."""
@@ -271,10 +273,6 @@ def take_abaqus_section(
         deck.faults.append(f"{label} has walls that differ from side to side, or nodes off its middle")
     else:
         deck.sections[name] = found
-        if kind == "CIRC":
-            radius = rows[0][0]
-            deck.notes.append(
-                f"{label}: CIRC {radius:g} is its radius, as in Abaqus; CalculiX takes it for the diameter, for which "
-                f"write it twice, {radius:g}, {radius:g}"
-            )
+        if kind == "CIRC" and not deck.notes:
+            deck.notes.append(f"{label}: CIRC {rows[0][0]:g} is a radius, as in Abaqus, here and elsewhere; {DIAMETER_MEND}")
     return np.array(rows[1]) if len(rows) > 1 and len(rows[1]) == 3 else np.array([0.0, 0.0, -1.0])
