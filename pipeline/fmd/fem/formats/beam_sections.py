@@ -274,5 +274,7 @@ def take_abaqus_section(
     else:
         deck.sections[name] = found
         if kind == "CIRC" and not deck.notes:
-            deck.notes.append(f"{label}: CIRC {rows[0][0]:g} is a radius, as in Abaqus, here and elsewhere; {DIAMETER_MEND}")
+            deck.notes.append(
+                f"{label}: CIRC {rows[0][0]:g} is a radius, as in Abaqus, here and elsewhere; {DIAMETER_MEND}"
+            )
     return np.array(rows[1]) if len(rows) > 1 and len(rows[1]) == 3 else np.array([0.0, 0.0, -1.0])
