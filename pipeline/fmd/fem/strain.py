@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.memory import STRAINED_AT_ONCE
+from fmd.core.limits.memory import CACHED_NUMBERS
 from fmd.core.limits.mesh import NEARLY_INCOMPRESSIBLE
 from fmd.fem.elements import inverse_and_determinant
 from fmd.fem.material import AnyElastic, AnyMaterial, Material, batches
@@ -73,11 +73,24 @@ def _energy_root(space: Discretisation, material: AnyElastic, elements: IntArray
 
 
 def _strain_matrix(space: Discretisation, material: AnyElastic, X: Array, elements: IntArray) -> tuple[Array, Array]:
-    """Return [B, G] and Jacobian determinants at points X as the kind of element has them."""
+    """Return [B, G] and Jacobian determinants at points X as the kind of element has them, B alone of plain strain."""
     if space.kind.strain_matrix is not None:
         return space.kind.strain_matrix(space, material, X, elements)
+    if not space.is_enhanced:
+        g, det = space.gradients(X, elements)
+        return _by_gradients(g), det
     assert isinstance(material, Material)  # layers are of shells
     return enhanced_matrix(space, material, X, elements)
+
+
+def _by_gradients(g: Array, volumes: int = 0) -> Array:
+    """Return B (n_elements, 6, n_q, 3 n + volumes) of gradients (n_elements, n_q, n, 3), zero in its last columns."""
+    n_elements, n_q, n, _ = g.shape
+    B = np.zeros((n_elements, 6, n_q, 3 * n + volumes))
+    for row, (a, b) in enumerate(_COMPONENTS):
+        B[:, row, :, a : 3 * n : 3] = g[..., b]
+        B[:, row, :, b : 3 * n : 3] = g[..., a]
+    return B
 
 
 def enhanced_matrix(space: Discretisation, material: Material, X: Array, elements: IntArray) -> tuple[Array, Array]:
@@ -90,14 +103,10 @@ def enhanced_matrix(space: Discretisation, material: Material, X: Array, element
     inverse, det_middle = inverse_and_determinant(space.jacobians(np.full((3, 1), 0.5), elements))
     scale = (det_middle / det)[:, :, None]
     g = np.concatenate([g, (scale * xi.T)[..., None] * inverse], axis=2)
-    n_elements, n_q, n_functions, _ = g.shape
     volumes = 3 if material.nu > NEARLY_INCOMPRESSIBLE else 0
-    B = np.zeros((n_elements, 6, n_q, 3 * n_functions + volumes))
-    for row, (a, b) in enumerate(_COMPONENTS):
-        B[:, row, :, a : 3 * n_functions : 3] = g[..., b]
-        B[:, row, :, b : 3 * n_functions : 3] = g[..., a]
+    B = _by_gradients(g, volumes)
     if volumes:
-        B[:, :3, :, 3 * n_functions :] = (scale * (xi * np.roll(xi, -1, axis=0)).T)[:, None]
+        B[:, :3, :, -volumes:] = (scale * (xi * np.roll(xi, -1, axis=0)).T)[:, None]
     return B, det
 
 
@@ -134,22 +143,23 @@ def elastic_forces(space: Discretisation, material: AnyMaterial, shapes: Array) 
     A product with the matrix K has the round-off of elements' stiffest motions, 1e-9 to 1e-7 of what a slender body's
     lowest modes have; strain, in which rigid motions cancel element by element, has less than 1e-12.
     """
-    X, w = space.kind.quadrature(space.kind.stiffness_order)
     n = shapes.shape[2]
-    found = np.zeros((len(shapes), 3 * n))
-    for own, elements in batches(material, len(space.element_nodes), 1 + STRAINED_AT_ONCE // (n + 1)):
+    u = shapes.reshape(len(shapes), -1)
+    found = np.zeros_like(u)
+    n_elements, n_local = space.element_nodes.shape
+    strains_each = 6 * space.kind.quadrature(space.kind.stiffness_order)[1].size
+    for own, elements in batches(material, n_elements, 1 + CACHED_NUMBERS // (strains_each * (n + 3 * n_local))):
         nodes = space.element_nodes[elements]
-        stress = own.stress(space, X, elements, strains(space, material, shapes, X, elements))
-        if space.is_enhanced:
-            B, det = _strain_matrix(space, own.summed, X, elements)
-            by_strain = B[..., : 3 * nodes.shape[1]].swapaxes(1, 2).reshape(len(nodes), -1, 3 * nodes.shape[1])
-        else:
-            g, det = space.gradients(X, elements)
-            by_strain = g.swapaxes(2, 3).reshape(len(nodes), -1, nodes.shape[1])
-            stress = stress[:, :, TENSOR]
-        stress *= (det * w).reshape(*det.shape, *(1,) * (stress.ndim - 2))
-        each = by_strain.swapaxes(1, 2) @ stress.reshape(len(nodes), by_strain.shape[1], -1)
-        touched, place = np.unique(nodes, return_inverse=True)
-        ones = np.ones(nodes.size), (place.ravel(), np.arange(nodes.size))
-        found[touched] += sp.csr_array(ones, shape=(len(touched), nodes.size)) @ each.reshape(nodes.size, 3 * n)
+        root = _energy_root(space, own, elements)
+        compatible, internal = np.split(root, [3 * n_local], axis=2)
+        if internal.shape[2]:
+            across = internal.swapaxes(1, 2)
+            compatible = compatible - internal @ np.linalg.solve(across @ internal, across @ compatible)
+        apart = u[nodes]
+        apart -= apart[:, :1]  # translations cancel to the last bit
+        f = compatible.swapaxes(1, 2) @ (compatible @ apart.reshape(len(nodes), -1, n))
+        order = nodes.argsort(axis=None)
+        own_nodes, first = np.unique(nodes.ravel()[order], return_index=True)
+        entries = np.ones(order.size), order, np.append(first, order.size)
+        found[own_nodes] += sp.csr_array(entries, shape=(len(first), order.size)) @ f.reshape(order.size, -1)
     return found.reshape(shapes.shape)

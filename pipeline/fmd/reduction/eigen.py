@@ -335,31 +335,35 @@ class FreeBodySolver:
         if n_rigid != expected:
             limits = ZERO_EIGENVALUE * self.bound, rounded
             raise wrong_count(self._fe, self._nodal(Phi[:, :n_rigid]), self.rigid_modes, expected, eigenvalues, limits)
-        residual, Phi = self._largest_residual(eigenvalues, Phi, n_rigid, inverse)
-        squares, flat = separate_modes(self._fe, self._nodal(Phi).reshape(self._fe.K.shape[0], -1))
+        residual, *refined = self._refine(eigenvalues, Phi, n_rigid, inverse)
+        squares, Phi = separate_modes(*refined)
+        del refined  # three times as large as Phi
+        flat = self._nodal(Phi).reshape(self._fe.K.shape[0], -1)
         flat = flat * np.sign(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])])
         order = np.argsort(squares)
         shapes = flat[:, order].reshape(len(self._fe.x), 3, -1)
         return EigenPairs(np.sqrt(squares[order]), shapes, n_rigid, residual, factor=self._factor.figures)
 
-    def _largest_residual(self, eigenvalues: Array, Phi: Array, n_rigid: int, inverse: Inverse) -> tuple[float, Array]:
-        """Largest residual of the elastic pairs, in the energy norm, and their modes less their residuals' responses.
+    def _refine(
+        self, eigenvalues: Array, Phi: Array, n_rigid: int, inverse: Inverse
+    ) -> tuple[float, Array, Array, Array]:
+        """Return the largest residual of the elastic pairs in the energy norm, refined modes, their M Φ and K Φ.
 
-        ``r = K φ − λ M φ`` is weighed by the inverse of ``K − σ M``, in which round-off of the stiffest element motions
-        counts little and the reactions of constraints may be of any size.
+        ``r = K φ − λ M φ`` by strain is weighed by the inverse of ``K − σ M``, in which round-off of the stiffest
+        element motions counts little and the reactions of constraints may be of any size. Modes are refined by the
+        response ``u`` to r, without rigid motions, and ``K (φ − u) = λ M φ − σ M u`` but for the reactions.
         """
         MPhi = self._M @ Phi
         error = float(np.abs(Phi.T @ MPhi - np.eye(len(eigenvalues))).max())
         if not error < LARGEST_OVERLAP:
             raise AccuracyError(f"modes are not M-orthonormal: error {error:.1e} exceeds {LARGEST_OVERLAP:.0e}")
         elastic, bent, moved = eigenvalues[n_rigid:], Phi[:, n_rigid:], MPhi[:, n_rigid:]
-        energies, answers = np.empty_like(elastic), np.empty_like(bent)
+        energies, u = np.empty_like(elastic), np.empty_like(bent)
         for first in range(0, len(energies), COLUMNS_AT_ONCE):
             some = slice(first, first + COLUMNS_AT_ONCE)
             defects = self._forces(bent[:, some]) - elastic[some] * moved[:, some]
-            found = inverse(defects)
-            energies[some] = np.einsum("ij,ij->j", defects, found)
-            answers[:, some] = found - Phi @ (MPhi.T @ found)  # in which lower modes' round-off would be larger
+            u[:, some] = inverse(defects)
+            energies[some] = np.einsum("ij,ij->j", defects, u[:, some])
         residuals = np.sqrt(np.maximum(energies, 0.0) / (elastic - self.shift))
         worst = int(residuals.argmax())
         if not residuals[worst] < LARGEST_RESIDUAL:
@@ -372,7 +376,14 @@ class FreeBodySolver:
                     f"{residuals[worst]:.1e}, above {LARGEST_RESIDUAL:.0e}"
                     + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if thin else "")
                 )
-        return float(residuals[worst]), Phi[:, n_rigid:] - answers
+        Mu = self._M @ u
+        KPhi = elastic * moved
+        KPhi -= self.shift * Mu
+        refined, inertia = np.subtract(bent, u, out=u), np.subtract(moved, Mu, out=Mu)
+        rigid = Phi[:, :n_rigid].T @ inertia
+        refined -= Phi[:, :n_rigid] @ rigid
+        inertia -= MPhi[:, :n_rigid] @ rigid
+        return float(residuals[worst]), refined, inertia, KPhi
 
 
 def _unknowns_of(u: Array, T: sp.csr_array | None) -> Array:

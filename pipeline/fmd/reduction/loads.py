@@ -116,11 +116,13 @@ def enrich_modes(
         U = _new_part(basis, U if B is None else _constrained_fields(U, fe, B), fe, least)
         basis, response = np.concatenate([basis, U], axis=1), U.reshape(len(fe.x), 3, -1)
         if not generation:
-            softest = eigh(fe.stiffness_of(U), eigvals_only=True)[:1].min(initial=np.inf)
+            first = U.shape[1]
     U = basis[:, Phi.shape[1] :]
-    omega2, turn = eigh(fe.stiffness_of(U))
-    excited = omega2 >= SOFTER**2 * softest
-    omega2, found = separate_modes(fe, np.concatenate([Phi, U @ turn[:, excited]], axis=1))
+    K = fe.stiffness_of(U)
+    softest = eigh(K[:first, :first], eigvals_only=True)[:1].min(initial=np.inf)
+    omega2, turn = eigh(K)
+    both = np.concatenate([Phi, U @ turn[:, omega2 >= SOFTER**2 * softest]], axis=1)
+    omega2, found = separate_modes(both, fe.M @ both, fe.forces(both))
     found[:, : Phi.shape[1]] = Phi
     return np.concatenate([modes.omega, np.sqrt(omega2[Phi.shape[1] :])]), found.reshape(len(fe.x), 3, -1)
 
