@@ -128,6 +128,10 @@ def test_exponential_steps_keep_the_energy_of_a_scene_and_refuse_what_does_not()
     assert 0.0 < errors["largest_force_n"].parts["step"] < 0.02 * floor.largest[0]
     with pytest.raises(InputError, match=r"keeps the energy of contacts beside gravity, loads in time and linear spr"):
         _ = on_a_slide(damper="1 N s/m").motion
+    slide = {"type": "prismatic", "parent": "ground", "child": "block.middle", "axis": [0, 1, 0]}
+    damped = {"slide": slide | {"position": "60 mm", "damper": "1 N s/m"}}
+    with pytest.raises(InputError, match=r"loads in time and linear springs alone, without dampers"):
+        _ = block(joint=damped, simulation=BLOCK["simulation"] | EXACT).motion  # far less than its modes' stiffness
     hinge = {"hinge": {"type": "revolute", "parent": "ground", "child": "ball.centre", "axis": [0, 1, 0]}}
     contact = {"floor": {"between": ["ground", "ball.skin"], "normal": [0, 0, 1]}}
     with pytest.raises(InputError, match=r"takes contacts of bodies that slide alone, and joint 'hinge' turns"):
@@ -144,6 +148,32 @@ def test_runge_kutta_follows_a_shock_of_free_balls_that_its_first_step_would_pas
     hit = {"hit": {"between": ["low.skin", "high.skin"]}}
     run = with_tolerance(scene({"low": BALL, "high": BALL}, joints, hit, 5e-3), 1e-6)
     assert run.motion.contacts["hit"].impulse[-1, 2] == pytest.approx(MASS * speed, rel=1e-4)
+
+
+def test_runge_kutta_passes_a_touch_that_only_a_rough_trial_has() -> None:
+    """One ball rests on the floor, where a trial that the other has gone deep into it wavers about touching."""
+    along = {"type": "prismatic", "parent": "ground", "axis": [0, 0, 1]}
+    joints = {
+        "one": along | {"child": "low.centre", "position": RADIUS},
+        "two": along | {"child": "high.centre", "position": 3.0 * RADIUS + 1e-6, "rate": -SPEED},
+    }
+    touching = {"floor": {"between": ["ground", "low.skin"], "normal": [0, 0, 1]}}
+    hit = {"hit": {"between": ["low.skin", "high.skin"]}}
+    run = with_tolerance(scene({"low": BALL, "high": BALL}, joints, touching | hit, 3e-4), 1e-4)
+    assert run.motion.trajectory.evaluations < 5000
+    v, floor = run.motion.trajectory.v[-1], run.motion.contacts["floor"]
+    assert 0.5 * MASS * (v**2).sum() == pytest.approx(0.5 * MASS * SPEED**2, rel=1e-3)
+    assert MASS * (v.sum() + SPEED) == pytest.approx(floor.impulse[-1, 2], rel=1e-6)
+
+
+@pytest.mark.parametrize(("speed", "tolerance"), [(0.55, 1.8e-7), (2.4, 4e-8), (0.084, 1.5e-7)])
+def test_runge_kutta_states_what_a_force_that_is_not_smooth_costs(speed: float, tolerance: float) -> None:
+    """A ball's force begins as a power of the depth, which the estimate of order 8 takes for smooth."""
+    joint = {"free": free("ball.centre", [0, 0, RADIUS + 1e-6], [0, 0, -speed])}
+    floor = {"between": ["ground", "ball.skin"], "normal": [0, 0, 1]}
+    run = with_tolerance(scene({"ball": BALL}, joint, {"floor": floor}, 2e-4), tolerance)
+    exact, error = 2.0 * MASS * speed, contact_errors(run)["floor"]["impulse_n_s"].total
+    assert abs(run.motion.contacts["floor"].impulse[-1, 2] - exact) < error < 1e-4 * exact
 
 
 def test_runge_kutta_takes_no_contact_with_a_memory() -> None:

@@ -146,7 +146,7 @@ def step_differences(run: Pipeline) -> Differences:
         slips = dict.fromkeys(("largest_slip_m", "mean_slip_m"), fastest * step)
         known_to = times | slips | {"largest_area_m2": points.get(name, 0.0)}
         if not method.step and own.span[0] is not None:
-            looks = _between_looks(own, step, method.tolerance)
+            looks = _between_looks(own, method.looks * plan.system.shock_step, method.tolerance)
             known_to |= {key: size + known_to.get(key, 0.0) for key, size in looks.items()}
         found[name] = _differences(own, histories[name], share, known_to)
     return {name: errors | _at_least(errors, run.motion.contacts[name]) for name, errors in found.items()}

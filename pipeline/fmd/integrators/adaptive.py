@@ -19,7 +19,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
-from fmd.core.limits.contact import CHOSEN_STEP, MOST_CUTS
+from fmd.core.limits.contact import CHOSEN_STEP, LONGER_AFTER_CUT, MOST_CUTS
 from fmd.core.limits.stepping import (
     ADAPTIVE_WINDOW,
     CHUNK,
@@ -106,6 +106,7 @@ def march_steps(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> 
         planned, reached = h >= clock[1], t
         begin_step(m, p, s, t, h)
         pressed, cuts = is_pressed(p, t, s.q, s.v), 0
+        s.pressed[0] = 1.0 if pressed else 0.0
         while True:
             reached = stop if h == stop - t else t + h
             size = try_step(m, p, s, t, h, reached)
@@ -153,6 +154,8 @@ def march_steps(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> 
         clock[0] = reached
         if planned:  # else a breakpoint cut the step short
             clock[1] = min(h * factor, s.longest) if size > 0.0 else h * factor
+        elif cuts > 0:
+            clock[1] = min(clock[1], LONGER_AFTER_CUT * h)
         keep_largest(s.groups, s.largest, s.new)
         end_step(m, p, s)
         s.fresh[0] = 1.0 if s.settles or s.apart > 0.0 else 0.0
@@ -328,6 +331,7 @@ class AdaptiveIntegrator(ResumableIntegrator):
             apart=self.looks * system.shock_step,
             contacts=np.full((times.size, system.n_contact_values), np.nan),
             answers=system.answers_to_contact,
+            pressed=np.zeros(1),
             q_within=np.zeros(state.q.size),
             v_within=np.zeros(state.v.size),
         )

@@ -67,14 +67,15 @@ def time_of_change(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float, pressed
         early = late
     if early == h:
         return h
-    while late - early > 0.25 * CHANGE_KNOWN * h:
+    known = CHANGE_KNOWN * max(h, s.apart)
+    while late - early > 0.25 * known:
         middle = 0.5 * (early + late)
         if _is_pressed_within(m, p, s, t, middle, h) != pressed:
             late = middle
         else:
             early = middle
     found = early if pressed else late
-    return found if CHANGE_KNOWN * h < found < (1.0 - CHANGE_KNOWN) * h else h
+    return found if known < found < h - known else h
 
 
 @inner

@@ -150,12 +150,18 @@ def _begin_step(m: _RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: floa
 
 @try_step.register(_RungeKuttaSteps)
 def _try_step(m: _RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float, reached: float) -> float:
-    """Take all stages; their error is that of orders 5 and 3 together: ``|e₅|² / √(|e₅|² + 0.01 |e₃|²)``."""
+    """Take all stages; their error is that of orders 5 and 3 together: ``|e₅|² / √(|e₅|² + 0.01 |e₃|²)``.
+
+    In contact it is that of order 5: forces that begin as a power of the depth aren't smooth, by which the other one
+    is too low.
+    """
     for k in range(1, 13):
         _stage(m, p, k, t, h, s, s.new)  # the last one is at the step's end, and new with it
     s.evaluations[0] += 12
     set_trial(s)
     third, fifth = _error(m, _E3, h, s), _error(m, _E5, h, s)
+    if s.pressed[0] != 0.0:
+        return fifth
     size = math.sqrt(fifth * fifth + 0.01 * third * third)
     return fifth * fifth / size if size > 0.0 else size
 

@@ -37,9 +37,12 @@ EXACT_ROUNDS = 60  # of Newton's method for the forces over a step that keep the
 EXACTLY_KEPT = 1e-11  # of the energy: what such a step may make or lose by round-off of places
 FORCES_KNOWN = 1e-6  # of these forces: a change that no longer shrinks is their round-off, about a turn of the way
 EVEN_SHARE = 3e-5  # of the works at a step's begin and end: where these differ by less, both count half
-CHANGE_KNOWN = 1e-6  # of a step: how near to its end or begin surfaces come to touch, or leave, where one ends there
+# Of a step, and of the time between looks: how near to its end or begin surfaces come to touch, or leave, where one
+# ends there.
+CHANGE_KNOWN = 1e-6
 ROUNDED_FORCE = 1e3  # times the round-off of accelerations, relative: forces follow from small differences of places
 MOST_CUTS = 6  # of a step, until it ends there
+LONGER_AFTER_CUT = 1e3  # times such a step: the next one at most, as a rough trial may cut far before any touch
 
 # Errors.
 LOOSER = 10.0  # times a tolerance: of the march that tells the error of contacts by steps that keep it
