@@ -327,6 +327,18 @@ TABLES: dict[str, Callable[[], str]] = {
             "rms of nodes' differences, over the largest": "{rms_of_largest}",
         },
     ),
+    "contact-oblique": partial(
+        listed,
+        "contact_oblique",
+        {
+            "march": "{march}",
+            "mean force [N]": "{mean_force_N}",
+            "rms of its difference, over the largest": "{pressing_rms}",
+            "of the force aside": "{aside_rms}",
+            "friction's work [J]": "{heat_J}",
+            "processor time": "{seconds} s",
+        },
+    ),
     "gears": partial(
         listed,
         "gears",
