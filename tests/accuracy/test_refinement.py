@@ -110,7 +110,7 @@ def test_what_is_given_up_is_named_and_the_status_is_3(tmp_path, capsys, monkeyp
 
 
 def test_what_is_not_met_writes_its_best_names_the_cap_and_ends_with_status_3(tmp_path, capsys, monkeypatch) -> None:
-    monkeypatch.setattr(accuracy, "MOST_ROUNDS", 1)
+    monkeypatch.setattr("fmd.core.limits.errors.MOST_ROUNDS", 1)
     overrides = [part for text in (*QUICK, "accuracy=0.1 %", "output=[]") for part in ("--set", text)]
     with pytest.raises(SystemExit) as stop:
         main(["run", "beam", *overrides, "--no-pictures", "--out", str(tmp_path), "--json"])

@@ -57,8 +57,8 @@ def check_gears(scene: Any) -> Iterator[FaultError]:
     if not scene.gear_mesh or scene.simulation_table is None:
         return
     for number, run in enumerate(scene.simulation_table.run):
-        if not run.takes_contact:
-            mend = f"{name_methods('takes_contact')} do"
+        if not (run.takes_contact and run.takes_memory):  # teeth damp, and their steps end at no touch
+            mend = f"{name_methods('takes_contact', 'takes_memory')} do"
             yield FaultError(f"takes no gears in mesh; {mend}", "simulation", "run", number, "integrator")
     if scene.simulation_table.start == "steady":
         yield FaultError(
