@@ -350,8 +350,8 @@ class FreeBodySolver:
         """Return the largest residual of the elastic pairs in the energy norm, refined modes, their M Φ and K Φ.
 
         ``r = K φ − λ M φ`` by strain is weighed by the inverse of ``K − σ M``, in which round-off of the stiffest
-        element motions counts little and the reactions of constraints may be of any size. Modes are refined by the
-        response ``u`` to r, without rigid motions, and ``K (φ − u) = λ M φ − σ M u`` but for the reactions.
+        element motions counts little and the reactions of constraints may be of any size. Modes are refined by what
+        the response ``u`` to r has outside all modes, rigid ones too.
         """
         MPhi = self._M @ Phi
         error = float(np.abs(Phi.T @ MPhi - np.eye(len(eigenvalues))).max())
@@ -376,14 +376,9 @@ class FreeBodySolver:
                     f"{residuals[worst]:.1e}, above {LARGEST_RESIDUAL:.0e}"
                     + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if thin else "")
                 )
-        Mu = self._M @ u
-        KPhi = elastic * moved
-        KPhi -= self.shift * Mu
-        refined, inertia = np.subtract(bent, u, out=u), np.subtract(moved, Mu, out=Mu)
-        rigid = Phi[:, :n_rigid].T @ inertia
-        refined -= Phi[:, :n_rigid] @ rigid
-        inertia -= MPhi[:, :n_rigid] @ rigid
-        return float(residuals[worst]), refined, inertia, KPhi
+        u -= Phi @ (MPhi.T @ u)  # in which lower modes' round-off would be larger
+        refined = np.subtract(bent, u, out=u)
+        return float(residuals[worst]), refined, self._M @ refined, self._forces(refined)
 
 
 def _unknowns_of(u: Array, T: sp.csr_array | None) -> Array:
