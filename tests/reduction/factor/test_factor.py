@@ -136,7 +136,7 @@ def test_unknowns_that_supports_have_shifted_fill_in_no_more(tetrahedra: FEModel
 
 def test_small_products_of_fronts_have_one_thread(tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of two, each waits for the other: a factor took six times as long."""
-    solve, seen, pools = multifrontal.dtrsm, set(), ThreadpoolController()
+    solve, seen, pools = multifrontal.dtrsm, set(), ThreadpoolController().select(user_api="blas")
 
     def spy(*arguments: Any, **options: Any) -> Any:
         seen.update(pool.num_threads for pool in pools.lib_controllers)
