@@ -358,10 +358,11 @@ class FreeBodySolver:
         if not error < LARGEST_OVERLAP:
             raise AccuracyError(f"modes are not M-orthonormal: error {error:.1e} exceeds {LARGEST_OVERLAP:.0e}")
         elastic, bent, moved = eigenvalues[n_rigid:], Phi[:, n_rigid:], MPhi[:, n_rigid:]
-        energies, u = np.empty_like(elastic), np.empty_like(bent)
+        energies, u, KPhi = np.empty_like(elastic), np.empty_like(bent), np.empty_like(bent)
         for first in range(0, len(energies), COLUMNS_AT_ONCE):
             some = slice(first, first + COLUMNS_AT_ONCE)
-            defects = self._forces(bent[:, some]) - elastic[some] * moved[:, some]
+            KPhi[:, some] = self._forces(bent[:, some])
+            defects = KPhi[:, some] - elastic[some] * moved[:, some]
             u[:, some] = inverse(defects)
             energies[some] = np.einsum("ij,ij->j", defects, u[:, some])
         residuals = np.sqrt(np.maximum(energies, 0.0) / (elastic - self.shift))
@@ -377,8 +378,9 @@ class FreeBodySolver:
                     + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if thin else "")
                 )
         u -= Phi @ (MPhi.T @ u)  # in which lower modes' round-off would be larger
+        KPhi -= self._K @ u  # u is small, and so is what round-off of K makes of it
         refined = np.subtract(bent, u, out=u)
-        return float(residuals[worst]), refined, self._M @ refined, self._forces(refined)
+        return float(residuals[worst]), refined, self._M @ refined, KPhi
 
 
 def _unknowns_of(u: Array, T: sp.csr_array | None) -> Array:
