@@ -10,7 +10,6 @@ as drawn, from which the other doesn't converge.
 
 from __future__ import annotations
 
-import csv
 import subprocess
 import tempfile
 from collections.abc import Callable
@@ -20,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
-from table_format import HERE
+from table_format import HERE, write_rows
 
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array, IntArray
@@ -303,10 +302,7 @@ def main() -> None:
             folder.mkdir()
             rows.append(compare(case, folder))
             print(rows[-1], flush=True)
-    with TABLE.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [*rows[0]], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(TABLE, rows)
 
 
 if __name__ == "__main__":

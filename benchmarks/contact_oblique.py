@@ -14,7 +14,6 @@ models of these matrices.
 
 from __future__ import annotations
 
-import csv
 import subprocess
 import sys
 import tempfile
@@ -28,7 +27,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.io import loadmat, savemat
 from scipy.sparse.linalg import eigsh, splu
-from table_format import HERE
+from table_format import HERE, write_rows
 
 from fmd import Pipeline, load_scene
 from fmd.core.cache import Cache
@@ -312,10 +311,7 @@ def main() -> None:
         row |= {"pressing_rms": f"{off[0]:.2g}", "aside_rms": f"{off[1]:.2g}", "heat_J": f"{march.heat[-1]:.4g}"}
         rows.append(row | {"seconds": f"{march.seconds:.2g}"})
         print(rows[-1], flush=True)
-    with TABLE.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [*rows[0]], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(TABLE, rows)
 
 
 if __name__ == "__main__":

@@ -76,7 +76,7 @@ def format_ratio(ratio: float) -> str:
 def write_rows(path: Path, rows: Iterable[Any], *remarks: str, digits: int = 3) -> None:
     """Write dataclasses or dictionaries with the same keys as a CSV file after remarks; real numbers to some digits."""
     tables = [row if isinstance(row, dict) else asdict(row) for row in rows]
-    with path.open("w", newline="") as file:
+    with path.open("w", newline="", encoding="utf-8") as file:
         file.writelines(f"# {remark}\n" for remark in remarks)
         table = csv.DictWriter(file, list(tables[0]), lineterminator="\n")
         table.writeheader()

@@ -19,7 +19,7 @@ from scipy.linalg import eigh
 from fmd.contact.histories import ENERGY
 from fmd.contact.sums import evaluate_contacts
 from fmd.core.arrays import Array
-from fmd.core.errors import ConvergenceError, StabilityError
+from fmd.core.errors import StabilityError
 from fmd.core.limits.contact import EVEN_SHARE, EXACT_ROUNDS, EXACTLY_KEPT, FORCES_KNOWN
 from fmd.core.limits.newton import STALLED
 from fmd.core.limits.round_off import EXACT, SOLVED
@@ -28,10 +28,9 @@ from fmd.dynamics.compiled_system.touching import find_contacts
 from fmd.dynamics.system import accelerations, remember_contacts
 from fmd.integrators.exponential import fill_functions
 from fmd.integrators.fixed_step import FixedMarch, begin_cycle, end_cycle, runs_away, sample_within, take_steps
-from fmd.integrators.generalized_alpha import factor_tangent, solve_part
+from fmd.integrators.generalized_alpha import factor_tangent, no_convergence, solve_part
 from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import Progress, State, Trajectory
-from fmd.integrators.work_bounds import round_down
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table, aligned
 from fmd.kernels.vectors import call_native
@@ -247,8 +246,5 @@ def march_exactly(
     except StabilityError:
         if np.isnan(numbers[3]):
             raise
-        raise ConvergenceError(
-            f"{name}: Newton's iteration did not converge at t = {numbers[3]:.6g} s with a step of {h:.4g} s; "
-            f"take a smaller step, such as {round_down(0.5 * h):g} s"
-        ) from None
+        raise no_convergence(name, numbers[3], h) from None
     return Trajectory(name, h, 1, times, q, v, int(counts[0]), 0, seconds, end, contacts=contacts)

@@ -117,10 +117,7 @@ class GeneralizedAlpha(ResumableIntegrator):
         except StabilityError:
             if np.isnan(counts[1]):
                 raise
-            raise ConvergenceError(
-                f"{self.name}: Newton's iteration did not converge at t = {counts[1]:.6g} s with a step of {h:.4g} s; "
-                f"take a smaller step, such as {round_down(0.5 * h):g} s"
-            ) from None
+            raise no_convergence(self.name, counts[1], h) from None
         return Trajectory(self.name, h, 1, times, q, v, int(counts[0]), 0, seconds, end, contacts=contacts)
 
     def steps(self, system: System, counts: Array, state: State) -> NewmarkSteps:
@@ -132,6 +129,14 @@ class GeneralizedAlpha(ResumableIntegrator):
         return NewmarkSteps(
             self.step, alpha_m, alpha_f, beta, gamma, *begin, *aligned(n, n, n, n, n, n, system.n_positions)
         )
+
+
+def no_convergence(name: str, t: float, h: float) -> ConvergenceError:
+    """Make the error of a method whose step h [s] at a time t [s] has no solution, with a step that may have one."""
+    return ConvergenceError(
+        f"{name}: Newton's iteration did not converge at t = {t:.6g} s with a step of {h:.4g} s; "
+        f"take a smaller step, such as {round_down(0.5 * h):g} s"
+    )
 
 
 @dataclass(frozen=True)

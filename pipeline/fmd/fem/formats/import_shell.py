@@ -25,7 +25,7 @@ _NONE = np.empty(0, dtype=np.int64)
 
 
 class GivenSections(NamedTuple):
-    """What a scene says of a file's shells."""
+    """Sections that a scene gives to a file's shells: thickness and offset."""
 
     thickness: float | None = None  # of all [m]; ``None`` for that of the deck's sections
     offset: float = 0.0  # distance of the middle from the nodes along the normal, beside that of a deck [m]
