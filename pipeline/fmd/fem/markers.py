@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from skfem.quadrature import get_quadrature
-from skfem.refdom import RefQuad, RefTri
 
 from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.limits.mesh import ON_A_LINE
 from fmd.core.limits.rank import WORST_RESULTANTS
 from fmd.core.limits.round_off import SUMMED
+from fmd.fem.cells.shape import skfem_quadrature
 from fmd.fem.elements import shape_functions
 from fmd.fem.joined import AnySpace
 from fmd.fem.mesh import rows_among, three_corners
@@ -201,5 +200,5 @@ def _facet_quadrature(space: Discretisation, facet: int) -> tuple[Array, Array, 
     corners = space.kind.facet_corners[facet]
     start, after, *_, before = space.kind.element.doflocs[corners]
     sides = np.stack([after - start, before - start], axis=1)
-    X, w = get_quadrature(RefTri if len(corners) == 3 else RefQuad, _FACET_ORDER[space.kind.curved] * space.order)
+    X, w = skfem_quadrature("RefTri" if len(corners) == 3 else "RefQuad", _FACET_ORDER[space.kind.curved] * space.order)
     return start[:, None] + sides @ X, w, sides

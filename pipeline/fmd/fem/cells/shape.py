@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, read_only
 
 Corners = tuple[int, ...]
 
@@ -75,6 +75,7 @@ def _make_element(name: str) -> Any:
     return getattr(skfem, name)()
 
 
+@cache  # scikit-fem takes longer to find them than small bodies to be assembled
 def skfem_quadrature(cell: str, order: int) -> tuple[Array, Array]:
     """Return points (n_dim, n_q) and weights (n_q,) on a reference cell of scikit-fem, e.g. ``RefTet``.
 
@@ -83,7 +84,7 @@ def skfem_quadrature(cell: str, order: int) -> tuple[Array, Array]:
     from skfem import quadrature, refdom
 
     X, w = quadrature.get_quadrature(getattr(refdom, cell), order)
-    return X, w
+    return read_only(X), read_only(w)
 
 
 class ReferenceDomain(NamedTuple):
