@@ -24,20 +24,23 @@ class Evaluation:
     """Nodes of a graph as a function of arrays, in steps that are found once for many calls."""
 
     def __init__(self, graph: Graph, outputs: Sequence[int]) -> None:
-        live = graph.live(outputs)
+        live, kept = graph.live(outputs), {*outputs}
         place = {number: k for k, number in enumerate(live)}
         last = {argument: number for number in live for argument in graph.nodes[number].arguments}
         dropped: dict[int, list[int]] = {}
         for argument, number in last.items():
-            if argument not in outputs:
+            if argument not in kept:
                 dropped.setdefault(number, []).append(place[argument])
         self._outputs = [place[number] for number in outputs]
         nodes = [graph.nodes[number] for number in outputs]
         self._shapes = [(node.size,) if node.size or node.operation == "array" else () for node in nodes]
-        self._steps = [
-            (_step(graph, number), [place[k] for k in graph.nodes[number].arguments], dropped.get(number, ()))
-            for number in live
-        ]
+        self._constants = [_constant(graph, number) for number in live]
+        self._steps = []
+        for k, number in enumerate(live):
+            if self._constants[k] is None:
+                operation, taken, *_ = graph.nodes[number]
+                places = [-1] * (operation in _READERS) + [place[each] for each in taken]
+                self._steps.append((k, _step(graph, number), places, dropped.get(number, ())))
 
     def __call__(self, arguments: Mapping[str, Array]) -> list[Any]:
         """Return the values: (n_states,) of scalars and (size, n_states) of vectors, with 1 for what never changes.
@@ -45,10 +48,10 @@ class Evaluation:
         Inputs read arguments (n_places, n_states). Complex entries are carried through, for derivatives by a complex
         step, by sine and cosine alone of all functions.
         """
-        values: list[Any] = []
+        values: list[Any] = [*self._constants, arguments]  # `_READERS` take the last
         with np.errstate(all="ignore"):  # what has no value is not a number
-            for step, taken, dropped in self._steps:
-                values.append(step(arguments, *[values[k] for k in taken]))
+            for place, step, taken, dropped in self._steps:
+                values[place] = step(*[values[k] for k in taken])
                 for k in dropped:
                     values[k] = None
         return [values[k] for k in self._outputs]
@@ -79,36 +82,37 @@ def evaluation_of(values: Sequence[Scalar | Vector]) -> Evaluation:
     return Evaluation(values[0].graph, [value.node for value in values])
 
 
-def _step(graph: Graph, number: int) -> Callable[..., Any]:
-    """Return the function of the arguments and of the values that a node takes."""
+_READERS = {"input", "vector input", *OSCILLATED}
+"""Nodes that take all arguments."""
+
+
+def _constant(graph: Graph, number: int) -> Any:
+    """Return the value of a node that takes nothing; None of others."""
     operation, _, data, _ = graph.nodes[number]
-    if operation == "number":
-        return lambda _: data
-    if operation == "array":
-        column = graph.arrays[data][:, None]  # type: ignore[index]
-        return lambda _: column
+    return graph.arrays[data][:, None] if operation == "array" else data if operation == "number" else None  # type: ignore[index]
+
+
+def _step(graph: Graph, number: int) -> Callable[..., Any]:
+    """Return the function of the values that a node takes."""
+    operation, _, data, _ = graph.nodes[number]
     if operation in ("input", "vector input"):
         name, places = data  # type: ignore[misc]
         at = places[0] if operation == "input" else list(places)
         return lambda arguments: arguments[name][at]
     if operation == "entry":
-        return lambda _, x: x[data]
+        return operator.itemgetter(data)
     if operation == "diagonal":
-        factors = graph.arrays[data][:, None]  # type: ignore[index]
-        return lambda _, x: factors * x
+        return partial(operator.mul, graph.arrays[data][:, None])  # type: ignore[index]
     if operation == "matrix":
-        matrix = graph.arrays[data]  # type: ignore[index]
-        return lambda _, x: matrix @ x
+        return partial(operator.matmul, graph.arrays[data])  # type: ignore[index]
     if operation in OSCILLATED:
         return partial(step_oscillators, operation, data)  # type: ignore[arg-type]
     if operation == "piece":
         knots = graph.arrays[data]  # type: ignore[index]
-        return lambda _, x: np.maximum(np.searchsorted(knots, x, side="right") - 1, 0)
+        return lambda x: np.maximum(np.searchsorted(knots, x, side="right") - 1, 0)
     if operation == "pick":
-        values = graph.arrays[data]  # type: ignore[index]
-        return lambda _, number: values[number]
-    function = partial(evaluate_function, operation) if operation in FUNCTIONS else _SEVERAL[operation]
-    return lambda _, *x: function(*x)
+        return graph.arrays[data].__getitem__  # type: ignore[index]
+    return partial(evaluate_function, operation) if operation in FUNCTIONS else _SEVERAL[operation]
 
 
 def _dot(x: Array, y: Array) -> Array:

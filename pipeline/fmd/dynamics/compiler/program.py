@@ -44,7 +44,7 @@ class Program:
         first = [] if self.guard is None else [self.guard.node]
         return self.graph.live([*first, *(output.value.node for output in self.outputs)])
 
-    @property
+    @cached_property
     def flops(self) -> int:
         """Number of additions and multiplications; a division, a sine or a cosine counts as one."""
         return sum(_flops(self.graph, number) for number in self.nodes)
@@ -66,9 +66,12 @@ class Program:
         return self.flops + (times - 1) * sum(_flops(self.graph, number) for number in self.in_lanes)
 
 
+_OF_ONE = {"add", "subtract", "multiply", "invert", *FUNCTIONS, *CHOICES}
+
+
 def _flops(graph: Graph, number: int) -> int:
     operation, arguments, data, size = graph.nodes[number]
-    if operation in ("add", "subtract", "multiply", "invert", *FUNCTIONS, *CHOICES):
+    if operation in _OF_ONE:
         return 1
     if operation == "dot":
         return 2 * graph.nodes[arguments[0]].size - 1
