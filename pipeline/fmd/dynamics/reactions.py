@@ -54,6 +54,7 @@ def joint_loads(
 def _accelerate(mechanism: Mechanism, times: Array, q: Array, v: Array, pushes: Sequence[Array]) -> tuple[Array, Array]:
     """Return accelerations (n_times, n) and the smallest Lagrange multipliers (n_times, n_rows) at each state."""
     compiled = share_system(mechanism).compiled
+    q, v = q.copy(), v.copy()  # places of read-only arrays take four times as long to find
     found = [
         compiled.constrained_accelerations(float(t), q[k], v[k], pushes=[own[k] for own in pushes])
         for k, t in enumerate(times)

@@ -12,7 +12,7 @@ from fmd.core.state_formula import VARIABLE
 from fmd.dynamics.compiler.algebra import Vector3, Vector6, constants, cross, subtract, times, transpose
 from fmd.dynamics.compiler.bodies import AXES, Inertia, velocity_forces
 from fmd.dynamics.compiler.cleaning import clean_direction
-from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS, Coordinates, RestingCoordinates
+from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS, Coordinates
 from fmd.dynamics.compiler.elements import trace_actions, trace_elongation
 from fmd.dynamics.compiler.formulas import trace_periodic_table, trace_program
 from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
@@ -108,7 +108,7 @@ class GivenForces:
     Rates accelerate that are ``free``; all others are frozen.
     """
 
-    def __init__(self, inputs: RestingCoordinates, argument: str, free: range) -> None:
+    def __init__(self, inputs: Coordinates, argument: str, free: range) -> None:
         self._inputs, self._argument, self._free, self.graph = inputs, argument, free, inputs.graph
         self.ground: Vector6 = constants(inputs.graph, [0.0] * 6)
 

@@ -178,6 +178,12 @@ def _slopes(inputs: Coordinates, frames: list[MovingFrame], arguments: tuple[str
     return _in_order_of_rates(inputs.mechanism, "dr", slopes)
 
 
+def _inertia(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    """Derivatives of the residual along accelerations, on which no forces depend but those of inertia."""
+    unloaded = trace_residual(inputs, frames, GivenForces(inputs, "f", range(inputs.mechanism.n)))
+    return _in_order_of_rates(inputs.mechanism, "dr", trace_tangents(inputs, unloaded, ("a",)))
+
+
 def _second_slopes(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     """Derivatives of the residual's slope along one direction, by the state and by slow motion in that direction."""
     graph, residual = inputs.graph, trace_residual(inputs, frames)
@@ -342,7 +348,7 @@ DEFINITIONS = {
     "slope_adjoint": Definition(
         (*_SLOPE, "x", *(f"{name}_adjoint" for name in _SLOPE)), partial(trace_slope_adjoint, of=_SLOPE)
     ),
-    "inertia": Definition(("inputs", "q", "da", "dr"), _by("a"), lanes=("da", "dr")),
+    "inertia": Definition(("inputs", "q", "da", "dr"), _inertia, lanes=("da", "dr")),
     "stiffness": Definition((*_STATE, "a", "dq", "dr"), _by("q"), lanes=("dq", "dr")),
     "damping": Definition((*_STATE, "dv", "dr"), _by("v"), lanes=("dv", "dr")),
     "drift": Definition(

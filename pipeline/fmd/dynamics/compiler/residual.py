@@ -30,9 +30,7 @@ class JointForce:
         return self.force[:3] + add(self.force[3:], cross(frame.shift, self.force[:3]))
 
 
-def trace_residual(
-    inputs: Coordinates, frames: list[MovingFrame], acting: ActingForces | None = None
-) -> list[BodyValues]:
+def trace_residual(inputs: Coordinates, frames: list[MovingFrame], acting: Forces | None = None) -> list[BodyValues]:
     """Trace the residual of each body's joint and modes; accelerations are the argument ``a``.
 
     Forces other than those that act on the mechanism by itself may be given.
