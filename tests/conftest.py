@@ -156,7 +156,7 @@ def least_effort(request: pytest.FixtureRequest) -> Iterator[None]:
         own._entries.clear()
 
 
-OWN_PROCESSES = {"test_drawing_process", "test_import_mesh", "test_mesh_fuzz", "test_processes", "test_run"}
+OWN_PROCESSES = {"test_drawing_process", "test_import_mesh", "test_mesh_fuzz", "test_processes"}
 """Files whose runs start all processes that those of users do."""
 
 

@@ -74,7 +74,7 @@ def figures(found: Any) -> Any:
         ("mesh", ()),
         ("compile", ()),
         ("stability", ("--substeps", "2")),
-        ("frf", ("--in", "beam.tip.y", "--out", "beam.tip.y", "--to", "200 Hz", "--points", "5")),
+        ("frf", ("--in", "beam.tip.y", "--out", "beam.tip.y", "--to", "200 Hz", "--points", "5", "--no-budget")),
         ("campbell", ("--to", "100 rpm", "--points", "2")),
     ],
 )

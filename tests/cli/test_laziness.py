@@ -48,7 +48,10 @@ def _modules(environment, *arguments):
 
 @pytest.fixture(scope="module")
 def cold_run(modules, tmp_path_factory):
-    return modules("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path_factory.mktemp("cold")))
+    folder = tmp_path_factory.mktemp("cold")
+    loaded = modules("run", "beam", *QUICK, *DRAWN, "--out", str(folder))
+    assert {"motion.mp4", "centre.png"} <= {path.name for path in folder.iterdir()}
+    return loaded
 
 
 def test_help_loads_nothing_heavy(modules):
@@ -74,16 +77,9 @@ def test_modes_load_neither_pictures_nor_integrators(modules):
     assert not loaded & {"pyvista", "matplotlib", "llvmlite", "xarray", "fmd.integrators", "fmd.dynamics"}
 
 
-def test_a_run_without_pictures_loads_neither_pyvista_nor_matplotlib(cold_run):
+def test_a_run_draws_in_another_process(cold_run):
     assert "llvmlite" in cold_run
-    assert not cold_run & {"pyvista", "vtk", "vtkmodules", "matplotlib"}
-
-
-@pytest.mark.usefixtures("cold_run")
-def test_a_run_draws_in_another_process(modules, tmp_path):
-    loaded = modules("run", "beam", *QUICK, *DRAWN, "--no-budget", "--out", str(tmp_path))
-    assert {"motion.mp4", "centre.png"} <= {path.name for path in tmp_path.iterdir()}
-    assert not loaded & {"pyvista", "vtk", "vtkmodules", "matplotlib", "imageio"}
+    assert not cold_run & {"pyvista", "vtk", "vtkmodules", "matplotlib", "imageio"}
 
 
 @pytest.mark.usefixtures("cold_run")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 
 import imageio_ffmpeg
 import numpy as np
@@ -90,7 +89,8 @@ def test_every_integrator_can_be_chosen_by_name(fmd, tmp_path, capsys):
     runs = ['{ integrator = "exponential", step = "1 ms" }', '{ integrator = "generalized-alpha", rho = 0.9 }']
     runs.append('{ integrator = "runge-kutta", tolerance = 1e-8 }')
     chosen = f"simulation.run=[{', '.join(runs)}]"
-    assert fmd("run", "beam-paper", *QUICK, "--set", chosen, "--no-pictures", "--out", str(tmp_path), "--json") == 0
+    only = ("--no-pictures", "--no-budget", "--out", str(tmp_path), "--json")
+    assert fmd("run", "beam-paper", *QUICK, "--set", chosen, *only) == 0
     rows = json.loads(capsys.readouterr().out)["integrations"]
     assert [row["integrator"] for row in rows] == ["exponential", "generalized-alpha", "runge-kutta"]
     # Generalised-α at 10 µs is good to 1e-4 of the 5 mm deflection; Runge-Kutta and the exponential method agree.
@@ -113,8 +113,8 @@ def test_second_run_meshes_assembles_and_solves_nothing(fmd, tmp_path, capsys):
 
 
 def test_no_cache_computes_all_again(fmd, tmp_path, capsys):
-    arguments = ["run", "beam-paper", *QUICK, "--no-pictures", "--no-cache", "--out", str(tmp_path), "--json"]
-    assert fmd(*arguments) == 0
+    only = ["--no-pictures", "--no-cache", "--no-budget", "--out", str(tmp_path), "--json"]
+    assert fmd("run", "beam-paper", *QUICK, "--set", "body.beam.mesh.divisions=[6, 1, 1]", *only) == 0
     assert json.loads(capsys.readouterr().out)["stages_cached"] == []
 
 
@@ -130,7 +130,7 @@ def test_no_cache_computes_all_again(fmd, tmp_path, capsys):
 )
 def test_wrong_input_is_one_line_and_status_2(fmd, override, said, tmp_path, capsys):
     out = tmp_path / "out"
-    assert fmd("run", "beam-paper", "--set", override, "--out", str(out)) == 2
+    assert fmd("run", "beam-paper", "--set", override, "--no-pictures", "--out", str(out)) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
     assert printed.err.count("\n") == 1
@@ -143,20 +143,6 @@ def test_an_output_folder_that_cannot_be_written_is_refused(fmd, tmp_path, capsy
     (tmp_path / "file").write_text("in the way")
     assert fmd("run", "beam-paper", *QUICK, "--no-pictures", "--out", str(tmp_path / "file" / "out")) == 2
     assert "can't be written" in capsys.readouterr().err
-
-
-def test_a_machine_that_cannot_draw_is_refused_before_anything_is_integrated(fmd, tmp_path, capsys, monkeypatch):
-    monkeypatch.setenv("FMD_CACHE", str(tmp_path / "cache"))
-    program = tmp_path / "python"
-    program.write_text("#!/bin/sh\nkill -SEGV $$\n")
-    program.chmod(0o755)
-    monkeypatch.setattr(sys, "executable", str(program))
-    monkeypatch.setattr("fmd.stages.pipeline.Pipeline.motions", property(lambda run: pytest.fail("integrated")))
-    assert fmd("run", "beam-paper", *QUICK, "--out", str(tmp_path / "out")) == 2
-    said = capsys.readouterr().err
-    assert "drawing off-screen died of SIGSEGV" in said
-    assert "apt-get install libgl1 libegl1" in said
-    assert not (tmp_path / "out").exists()
 
 
 HELD = """

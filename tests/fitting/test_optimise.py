@@ -370,8 +370,8 @@ width = "30 mm"
 E = "210 GPa"
 nu = 0.3
 rho = "7850 kg/m^3"
-mesh = { divisions = [6, 1, 1] }
-modes = { count = 4 }
+mesh = { divisions = [4, 1, 1] }
+modes = { count = 2 }
 marker = { end = { face = "x-" } }
 """
     )

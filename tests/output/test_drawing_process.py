@@ -91,3 +91,17 @@ def test_a_broken_pipe_is_an_error_after_meshing_too() -> None:
     with pytest.raises(BrokenPipeError):  # Gmsh would have the signal end this process
         os.write(writer, b"x")
     os.close(writer)
+
+
+def test_a_machine_that_cannot_draw_is_refused_before_anything_is_integrated(fmd, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("FMD_CACHE", str(tmp_path / "cache"))
+    program = tmp_path / "python"
+    program.write_text("#!/bin/sh\nkill -SEGV $$\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(program))
+    monkeypatch.setattr("fmd.stages.pipeline.Pipeline.motions", property(lambda run: pytest.fail("integrated")))
+    assert fmd("run", "beam-paper", "--out", str(tmp_path / "out")) == 2
+    said = capsys.readouterr().err
+    assert "drawing off-screen died of SIGSEGV" in said
+    assert "apt-get install libgl1 libegl1" in said
+    assert not (tmp_path / "out").exists()

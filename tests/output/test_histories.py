@@ -169,9 +169,12 @@ def test_without_a_budget_every_file_says_that_no_error_is_stated(out: Path) -> 
     assert all(row["error"] is None and row["why"].startswith("not stated: ") for row in rows)
 
 
+SHORT = ("--set", "simulation.duration=25 ms")
+
+
 @pytest.fixture(scope="module")
 def stated(scene: Path, fmd: Callable[..., int]) -> Path:
-    assert fmd("run", scene, "--out", scene.parent / "stated", "--budget-seconds", "100") == 0
+    assert fmd("run", scene, *SHORT, "--out", scene.parent / "stated", "--budget-seconds", "100") == 0
     return scene.parent / "stated"
 
 
@@ -207,7 +210,7 @@ def test_stated_errors_hold_what_ten_times_as_many_modes_change(
 ) -> None:
     """Against 30 modes of the family; neither they nor the way to them are among the budget's variants."""
     many = scene.parent / "many"
-    assert fmd("run", scene, "--set", "body.bar.modes.count=30", "--out", many, "--no-budget") == 0
+    assert fmd("run", scene, *SHORT, "--set", "body.bar.modes.count=30", "--out", many, "--no-budget") == 0
     for name in ("motion.nc", "loads.nc"):
         with xarray.open_dataset(stated / name) as ours, xarray.open_dataset(many / name) as theirs:
             for key, variable in ours.data_vars.items():

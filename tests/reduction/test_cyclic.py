@@ -47,8 +47,8 @@ def model(blades: int, order: int = 1, element: Literal["hexahedron", "tetrahedr
             "element": element,
             "order": order,
             "sleeve": (4 * blades, 2, 1),
-            "joint": (2, 2, 2),
-            "blade": (2, 2, 4),
+            "joint": (2, 2, 2 // order),
+            "blade": (2, 2, 4 // order),
             "growth": 2.0,
         },
     )

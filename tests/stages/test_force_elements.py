@@ -152,13 +152,13 @@ child = "rotor.mid"
 VELOCITY
 
 [simulation]
-duration = "0.4 s"
+duration = "0.15 s"
 output_step = "1 ms"
 tip = "rotor.a"
 
 [[simulation.run]]
 integrator = "runge-kutta"
-tolerance = 1e-11
+tolerance = 1e-9
 
 [bearing.one]
 between = ["ground.a", "rotor.a"]

@@ -155,7 +155,7 @@ def test_without_a_budget_nothing_is_computed_for_it() -> None:
 
 
 def test_the_better_value_is_the_answer_and_its_interval_holds_it_and_the_truth() -> None:
-    own = ["simulation.duration=60 ms"]  # the largest deflection is at 50 ms
+    own = ["simulation.duration=60 ms", PLAIN]  # the largest deflection is at 50 ms
     run = Pipeline(load_scene("beam-paper", own))
     finer = ["body.beam.modes.count=12", "body.beam.modes.enrich=ritz", "body.beam.mesh.divisions=[48, 5, 2]"]
     truth = Pipeline(load_scene("beam-paper", [*own, *finer, "simulation.step=5 us"]))

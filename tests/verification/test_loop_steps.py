@@ -163,10 +163,16 @@ def test_a_loop_that_is_driven_is_closed_where_its_crank_has_come(method: str) -
     assert np.abs(system.compiled.residuals(1e-5 * end.step, end.q, end.v)[0]).max() < 1e-12
 
 
-@pytest.mark.parametrize("make", LOOPS)
-@pytest.mark.parametrize("method", list(METHODS))
+@pytest.mark.parametrize(
+    ("method", "make"),
+    [
+        pytest.param(method, make, marks=[pytest.mark.long] * ("2:1" in method and make is not slider_crank))
+        for method in METHODS
+        for make in LOOPS
+    ],
+)
 def test_what_the_limits_say_of_loops_is_what_marches_do(
-    make: Callable[[], tuple[Mechanism, Array]], method: str
+    method: str, make: Callable[[], tuple[Mechanism, Array]]
 ) -> None:
     """A step is refused beyond its limit, or where the tangent map grows: neither more nor less."""
     system, q, v = started(make)
