@@ -59,9 +59,9 @@ def _draw_lines(axes: Axes, axis: SweepAxis, panel: SweepPanel, width: float) ->
         colour = COLOURS[number % len(COLOURS)]
         name = panel.names[number] if panel.names else ""
         axes.plot(x[order], line[order], marker="o", markersize=4.5, linewidth=width, color=colour, label=name)
-        if panel.errors is not None:
-            ends = np.clip(panel.errors[number][order], 0.0, None)
-            axes.errorbar(x[order], line[order], yerr=ends, fmt="none", ecolor=colour, capsize=3.0)
+        if panel.errors is not None and (stated := order[np.isfinite(panel.errors[number][order])]).size:
+            ends = np.clip(panel.errors[number][stated], 0.0, None)
+            axes.errorbar(x[stated], line[stated], yerr=ends, fmt="none", ecolor=colour, capsize=3.0)
     _set_ticks(axes, axis, x)
     style_axes(axes, axis.label, panel.label)
     low, high = axes.get_ylim()

@@ -147,9 +147,9 @@ def find_undeformed_points(
     system: CompiledSystem, mechanism: Mechanism, q0: Array, v0: Array, duration: float
 ) -> list[OperatingPoint]:
     """Find the states of a mechanism's motion with all bodies rigid; parameters are as of `find_operating_points`."""
-    times, wanted = operating_times(duration), system.mechanism
+    times = operating_times(duration)
     q, v = _rigid_motion(mechanism.rigid, q0, v0, times, duration / RIGID_STEPS)
-    return [OperatingPoint(float(t), *with_joints(wanted, mechanism.rigid, q[k], v[k])) for k, t in enumerate(times)]
+    return [*map(OperatingPoint, times.tolist(), *with_joints(system.mechanism, mechanism.rigid, q, v))]
 
 
 def resting_rates(mechanism: Mechanism) -> IntArray:
@@ -193,8 +193,8 @@ def find_steady_points(
         return points
     places = getattr(system.parameters, "position", np.arange(system.n))[rates]
     times = np.array([at.time for at in points])
-    states = np.array([_stop(at, rates).values for at in points])
-    accelerated = system.n_positions + rates
+    states, accelerated = np.array([at.values for at in points]), system.n_positions + rates
+    states[:, accelerated] = 0.0
 
     def accelerations_at(values: Array) -> Array:
         states[:, places] = values
@@ -208,7 +208,9 @@ def find_steady_points(
     found = solve(states[:, places], accelerations_at, correction, np.add, _SETTLING, scale=_least)
     states[:, places] = found.state
     q, v, _ = np.split(states, [system.n_positions, system.n_positions + system.n], axis=1)
-    return [replace(at, q=q[k], v=v[k]) for k, at in enumerate(points)] if found.converged else None
+    if not found.converged:
+        return None
+    return [OperatingPoint(at.time, q[k], v[k], at.numbers) for k, at in enumerate(points)]
 
 
 def _inverses(slopes: Array) -> Array:
@@ -247,11 +249,11 @@ def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array, longest_
 
 
 def with_joints(mechanism: Mechanism, rigid: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return positions and rates of an undeformed mechanism whose joints are those of a state of the rigid one."""
-    positions, rates = mechanism.rest_positions, np.zeros(mechanism.n)
+    """Return positions and rates, a row a state, of an undeformed mechanism whose joints are those of the rigid one."""
+    positions, rates = np.tile(mechanism.rest_positions, (len(q), 1)), np.zeros((len(v), mechanism.n))
     for k, link in enumerate(mechanism.links):
         to, of = mechanism.layout.position[k], rigid.layout.position[k]
-        positions[to : to + link.n_positions] = q[of : of + link.n_positions]
+        positions[:, to : to + link.n_positions] = q[:, of : of + link.n_positions]
         to, of = mechanism.layout.rate[k], rigid.layout.rate[k]
-        rates[to : to + link.n_rates] = v[of : of + link.n_rates]
+        rates[:, to : to + link.n_rates] = v[:, of : of + link.n_rates]
     return positions, rates

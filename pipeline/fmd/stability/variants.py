@@ -54,30 +54,28 @@ def find_points_of_variants(variants: Sequence[VariantStart], duration: float) -
         One of the variants can't be integrated with all bodies rigid.
     """
     first = variants[0].system
-    undeformed = _find_undeformed_points(variants, duration)
-    points = [
-        replace(at, numbers=system.compiled.numbers)
-        for (system, *_), own in zip(variants, undeformed, strict=True)
-        for at in own
-    ]
-    settled = settle(first, points, resting_rates(first.mechanism))
+    settled = settle(first, _find_undeformed_points(variants, duration), resting_rates(first.mechanism))
+    points = [OperatingPoint(at.time, at.q, at.v) for at in settled]  # without the numbers, which are its system's
     count = len(points) // len(variants)
-    parts = [settled[at : at + count] for at in range(0, len(settled), count)]
     return [
-        OperatingPoints(variant.system, tuple(replace(at, numbers=np.zeros(0)) for at in own), duration)
-        for variant, own in zip(variants, parts, strict=True)
+        OperatingPoints(variant.system, tuple(points[k * count : (k + 1) * count]), duration)
+        for k, variant in enumerate(variants)
     ]
 
 
-def _find_undeformed_points(variants: Sequence[VariantStart], duration: float) -> list[list[OperatingPoint]]:
-    """Find the states of the variants' motions with all bodies rigid: marched together where one step suits all."""
+def _find_undeformed_points(variants: Sequence[VariantStart], duration: float) -> list[OperatingPoint]:
+    """Find the states of the variants' motions with all bodies rigid: marched together where one step suits all.
+
+    They have the variants' numbers, those of one variant after the other.
+    """
     rigid = share_system(variants[0].mechanism.rigid)
     numbers = np.array([variant.system.compiled.numbers for variant in variants])
     step = duration / RIGID_STEPS
     # Springs and dampers shorten the longest step: those of the stiffest of all, every one.
     stiffest = share_system(rigid.compiled.with_numbers(numbers.max(axis=0))) if rigid.n else rigid
     if not rigid.n or step > RESOLVED_STEP * stiffest.largest_step:
-        return [find_undeformed_points(each.system, *each[1:], duration) for each in variants]
+        parts = [find_undeformed_points(each.system, *each[1:], duration) for each in variants]
+        return _with_numbers(parts, [each.system for each in variants])
     starts = [
         OperatingPoint(0.0, each.q[: rigid.n_positions], each.v[: rigid.n], own)
         for each, own in zip(variants, numbers, strict=True)
@@ -86,14 +84,20 @@ def _find_undeformed_points(variants: Sequence[VariantStart], duration: float) -
     steady = find_steady_points(rigid, starts, fast)
     if steady is None:
         steady = [(find_steady_points(rigid, [at], fast) or [at])[0] for at in starts]
-    times = operating_times(duration).tolist()
-    moved = zip(*_march_rigid(rigid, np.array([at.values for at in steady]), step), strict=True)
+    moved = _march_rigid(rigid, np.array([at.values for at in steady]), step)
+    q, v = (each.reshape(-1, each.shape[2]) for each in moved)
+    times = operating_times(duration)
+    states = with_joints(variants[0].system.mechanism, rigid.mechanism, q, v)  # like all others but for its numbers
+    of_all = np.tile(times, len(variants)).tolist(), *states, np.repeat(numbers, len(times), axis=0)
+    return [*map(OperatingPoint, *of_all)]
+
+
+def _with_numbers(parts: Sequence[Sequence[OperatingPoint]], systems: Sequence[CompiledSystem]) -> list[OperatingPoint]:
+    """Return the points of systems, one system's after the other's, with its numbers."""
     return [
-        [
-            OperatingPoint(t, *with_joints(each.system.mechanism, rigid.mechanism, q, v))
-            for t, q, v in zip(times, positions, rates, strict=True)
-        ]
-        for each, (positions, rates) in zip(variants, moved, strict=True)
+        OperatingPoint(at.time, at.q, at.v, system.compiled.numbers)
+        for own, system in zip(parts, systems, strict=True)
+        for at in own
     ]
 
 
@@ -121,11 +125,7 @@ class JoinedPoints:
 
     def __init__(self, variants: Sequence[OperatingPoints]) -> None:
         systems: list[CompiledSystem] = [own.system for own in variants]  # type: ignore[misc]
-        points = [
-            replace(at, numbers=system.compiled.numbers)
-            for system, own in zip(systems, variants, strict=True)
-            for at in own.points
-        ]
+        points = _with_numbers([own.points for own in variants], systems)
         self._variants, self._all = variants, replace(variants[0], points=tuple(points))
 
     def find_growth(self, method: FixedStepIntegrator) -> None:

@@ -83,24 +83,27 @@ class SweepTable:
         """Places of all figures in the summaries, e.g. ``("run", 0, "seconds")``."""
         return list(dict.fromkeys(place for figures in self._figures for place in figures))
 
-    @property
+    @cached_property
+    def _axes(self) -> list[tuple[str, dict[str, Leaf], str]]:
+        """Each varied key, its values by their texts, and their unit."""
+        axes = ((each, *axis_values(each)) for each in self.sweep.variations)
+        return [(each.key, dict(zip(each.values, values, strict=True)), unit) for each, values, unit in axes]
+
+    @cached_property
     def rows(self) -> list[dict[str, Leaf]]:
         """One row a point: varied values, as SI numbers where they are quantities, status, message, figures."""
-        axes = [axis_values(variation) for variation in self.sweep.variations]
-        rows = []
-        for point, record, figures in zip(self.sweep.points, self.sweep.records, self._figures, strict=True):
-            row: dict[str, Leaf] = {}
-            for variation, (values, unit), value in zip(self.sweep.variations, axes, point.values, strict=True):
-                name = f"{variation.key} [{unit}]" if unit else variation.key
-                row[name] = values[variation.values.index(value)]
-            row |= {"status": record.status, "message": record.message}
-            rows.append(row | {_dotted(place): figures.get(place) for place in self.places})
-        return rows
+        names = [f"{key} [{unit}]" if unit else key for key, _, unit in self._axes]
+        columns = {place: _dotted(place) for place in self.places}
+        return [
+            {name: own[value] for name, (_, own, _), value in zip(names, self._axes, point.values, strict=True)}
+            | {"status": record.status, "message": record.message}
+            | {column: figures.get(place) for place, column in columns.items()}
+            for point, record, figures in zip(self.sweep.points, self.sweep.records, self._figures, strict=True)
+        ]
 
     def write_csv(self, path: Path) -> None:
         """Write the rows as CSV, with an empty cell where a point lacks a figure."""
-        rows = self.rows
-        write_table(path, [*rows[0]], (row.values() for row in rows))
+        write_table(path, [*self.rows[0]], (row.values() for row in self.rows))
 
     @property
     def variables(self) -> list[NetcdfVariable]:
@@ -108,7 +111,7 @@ class SweepTable:
 
         Those of a design are over one dimension ``point`` in place of the keys, whose values are coordinates along it.
         """
-        values = {variation.key: axis_values(variation) for variation in self.sweep.variations}
+        values = {each.key: axis_values(each) for each in self.sweep.variations}
         is_grid = self.sweep.is_grid
         axes = tuple(values) if is_grid else ("point",)
         shape = tuple(len(numbers) for numbers, _ in values.values())[: len(axes)]
