@@ -20,7 +20,7 @@ from table_format import HERE, write_rows
 import fmd
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiled_system.tangents import Direction, TangentSystem, Variant
-from fmd.fitting import adjoint
+from fmd.fitting import result_function
 from fmd.integrators.adjoint import pull_back
 from fmd.integrators.central_difference import CentralDifference
 
@@ -121,7 +121,7 @@ def compare(count: int, kinds: Sequence[str]) -> float:
     run, least = fmd.load(chain()), dict.fromkeys((1, count + 1), np.inf)
     for _ in range(2):
         for fewest in least:
-            adjoint.FEWEST_BY_ADJOINT = fewest
+            result_function.FEWEST_BY_ADJOINT = fewest
             function = fmd.ResultFunction(run, of=[f"link{LINKS - 1}.b.position"], to=keys)
             weights = np.ones(len(function(function.start)))
             least[fewest] = min(least[fewest], timed(partial(function.vjp, function.start, weights)))

@@ -30,7 +30,7 @@ import fmd
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.dynamics.compiler import store
-from fmd.fitting import adjoint  # noqa: F401 - registers how steps are taken back
+from fmd.fitting import result_function  # noqa: F401 - registers how steps are taken back
 from fmd.fitting.frozen_run import FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.fitting.sensitivities import Sensitivity

@@ -7,7 +7,7 @@ from typing import Any
 
 import griffe
 
-from fmd.scene.field_comments import comments_of_fields
+from fmd.scene.schema import comments_of_fields
 
 
 class FieldComments(griffe.Extension):

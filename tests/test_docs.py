@@ -179,7 +179,7 @@ class Sizes:
 def test_fields_of_data_classes_have_comments_of_their_own_and_no_entries_in_docstrings() -> None:
     """Arrays of kernels' tables and keys of scenes may share one."""
     pytest.importorskip("griffe")
-    from fmd.scene.field_comments import comments_of_fields
+    from fmd.scene.schema import comments_of_fields
 
     sources = {path: path.read_text(encoding="utf-8") for path in (ROOT / "pipeline").rglob("*.py")}
     trees = {

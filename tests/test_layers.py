@@ -95,7 +95,7 @@ FACTS = {
         *("_COLOURS", "_LARGEST", "_MOST_EDGES", "_MOST_FRAMES", "_LEAST_FRAMES", "_MOST_BYTES", "_BYTES_A_POINT"),
         "_REACHED",
     },
-    "fmd.output.rigid_shapes": {"_SLENDER", "_BALL", "_SAME", "_FLAT", "_THIN"},
+    "fmd.output.mechanism_view": {"_SLENDER", "_BALL", "_SAME", "_FLAT", "_THIN"},
     "fmd.reduction.body_file": {"VERSION"},
     "fmd.reduction.factor.factor": {"_GIGA"},
     "fmd.reduction.formats.openfast_file": {"_INTERFACE"},

@@ -19,7 +19,7 @@ from fmd.scene.joints.any_joint import JOINTS
 from fmd.scene.loads import PulseDrive
 from fmd.scene.outputs import CHART_QUANTITIES, Chart
 from fmd.scene.reading import SceneTable
-from fmd.scene.rigid_surfaces import SURFACES
+from fmd.scene.rigid_bodies import SURFACES
 from fmd.scene.runs import RUNS
 from fmd.scene.schema import KNOWN_BY_FILES, is_kind, is_known_by_scene, read_docstring, read_meanings
 from fmd.scene.toml_files import list_ready_scenes

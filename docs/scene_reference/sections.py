@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 from fmd.scene.bar import Bar, BarMesh
 from fmd.scene.beams import BeamMesh, Box, ISection, Profile, Rectangle, Shaft, ShaftSegment
-from fmd.scene.bearing_tables import BearingTable
-from fmd.scene.bodies import Solid
+from fmd.scene.bodies import FaceLink, MassOnLink, Solid, TiedFace
 from fmd.scene.constraints import Gear, Rack, Slides
 from fmd.scene.contacts import Contact
 from fmd.scene.controllers import ExternalValue, FmuController, LagController, PidController
@@ -16,6 +15,7 @@ from fmd.scene.fit import FitTable, MeasuredFile
 from fmd.scene.force_elements import (
     AngleStop,
     Bearing,
+    BearingTable,
     Bushing,
     LengthStop,
     Spring,
@@ -33,11 +33,9 @@ from fmd.scene.imported_bodies import (
     MeshFile,
     Substance,
 )
-from fmd.scene.joints.angles import OneAngleJoint, TwoAngleJoint
 from fmd.scene.joints.any_joint import JOINTS
-from fmd.scene.joints.joint import CarryingJoint
+from fmd.scene.joints.joint import CarryingJoint, OneAngleJoint, TwoAngleJoint
 from fmd.scene.layers import LaminaTable, Layer, PlyStrength
-from fmd.scene.links import FaceLink, MassOnLink, TiedFace
 from fmd.scene.loads import ForceDrive, MotionDrive, PointForce, PointTorque, PulseDrive, TorqueDrive
 from fmd.scene.modes import ModeSettings, RayleighDamping, ReducedModes
 from fmd.scene.orientation import AxisDirections, Orientation
@@ -57,8 +55,18 @@ from fmd.scene.places import GroundPlace, MarkerPlace, NamedElement, Support
 from fmd.scene.propeller import Propeller, PropellerMesh
 from fmd.scene.reading import SceneTable
 from fmd.scene.reduced_bodies import BodyFile, FileNode, ReducedPart
-from fmd.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
-from fmd.scene.rigid_surfaces import BallSurface, BoreSurface, BoxSurface, ElasticSurface, FileSurface, PinSurface
+from fmd.scene.rigid_bodies import (
+    BallSurface,
+    BoreSurface,
+    BoxSurface,
+    ElasticSurface,
+    FileSurface,
+    PinSurface,
+    PointMarker,
+    PointMass,
+    RigidBody,
+    Rod,
+)
 from fmd.scene.runs import RUNS
 from fmd.scene.scene import PublishedResults, Scene
 from fmd.scene.shells import Plate, ShellMesh, Tube

@@ -9,8 +9,7 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.contact.primitives import BALL, BORE, BOX, PIN, Primitive
-from fmd.output.between_nodes import describe_depths, distances_from
-from fmd.output.contacts import contact_warnings
+from fmd.output.contacts import contact_warnings, describe_depths, distances_from
 from tests.contact.test_contact_points import BLOCK
 from tests.contact.test_rigid_contacts import BALL as BODY
 from tests.contact.test_rigid_contacts import STEEL, free

@@ -12,8 +12,8 @@ from fmd import Pipeline, load_scene
 from fmd.contact.round_laws import DEPTH, LOAD, PEAK, SIZE, RoundLaw, ball_law, joint_modulus, pin_law
 from fmd.core.errors import InputError
 from fmd.output.contacts import contact_figures, contact_warnings
+from fmd.output.mechanism_view import shape_surfaces
 from fmd.output.pressure import draw_pressure
-from fmd.output.rigid_shapes import shape_surfaces
 from tests.contact.test_contact_points import BLOCK
 
 MASS, RADIUS, E, NU, SPEED = 0.03266, 0.01, 210e9, 0.3, 0.05

@@ -6,7 +6,7 @@ import pytest
 from fmd.core.arrays import Array
 from fmd.core.errors import InertiaError
 from fmd.dynamics.vibration import frequencies, highest_frequency, largest_leapfrog_step
-from fmd.stability.amplification import cycle_growth
+from fmd.stability.splitting import cycle_growth
 
 
 def test_a_chain_of_equal_masses_has_the_frequencies_of_its_sines() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 import fmd as package
 from fmd.core.errors import StabilityError
-from fmd.fitting import adjoint, frozen_run, result_function
+from fmd.fitting import frozen_run, result_function
 from fmd.fitting.frozen_run import FrozenRun
 from fmd.fitting.parameters import find_parameter
 from fmd.fitting.tangents import march_tangents
@@ -183,7 +183,7 @@ def test_numbers_that_change_shapes_have_a_reason_of_their_own(monkeypatch: pyte
 def test_an_adjoint_says_when_a_long_step_closes_loops_otherwise_and_differences_serve(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", 1)
+    monkeypatch.setattr(result_function, "FEWEST_BY_ADJOINT", 1)
     function = package.ResultFunction(package.load(long_steps(), *LONG), of=["crank.b.position.y"], to=SPRINGS[:1])
     weights = np.ones(len(function(function.start)))
     found = function.vjp(function.start, weights)
@@ -219,7 +219,7 @@ def test_an_adjoint_refuses_what_it_can_not_check(monkeypatch: pytest.MonkeyPatc
     def fail(*_: Any) -> None:
         raise StabilityError("it diverges")
 
-    monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", 1)
+    monkeypatch.setattr(result_function, "FEWEST_BY_ADJOINT", 1)
     monkeypatch.setattr(result_function, "find_gradient", fail)
     function = package.ResultFunction(package.load(chain("central-difference")), of=["crank.b.position.y"], to=SPRINGS)
     with pytest.raises(StabilityError, match="it diverges"):
@@ -261,7 +261,7 @@ def test_a_gradient_by_many_numbers_is_that_of_the_jacobian(monkeypatch: pytest.
     )
     weights = np.random.default_rng(0).normal(size=function(function.start).shape)
     expected = weights @ function.jacobian(function.start)
-    monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", len(KEYS))
+    monkeypatch.setattr(result_function, "FEWEST_BY_ADJOINT", len(KEYS))
     again = replace(function)
     found = again.vjp(again.start, weights)
     assert again._frozen.marches == 2  # the motion, and its adjoint
@@ -275,20 +275,22 @@ def test_a_gradient_says_why_it_is_by_tangents(monkeypatch: pytest.MonkeyPatch) 
     parameters = [find_parameter(frozen.run.scene, key) for key in SPRINGS]
     place, mass = find_all_channels(frozen.run, ["coupler.b.position.y", "mass"])
     highest = replace(place, read=lambda run: place.read(run).max())
-    assert adjoint.lacks_adjoint(frozen, motion, parameters, [place]).startswith("2 numbers: tangents are as quick")
-    monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", 2)
-    assert adjoint.lacks_adjoint(frozen, motion, parameters, [place]) == ""
+    assert result_function.lacks_adjoint(frozen, motion, parameters, [place]).startswith(
+        "2 numbers: tangents are as quick"
+    )
+    monkeypatch.setattr(result_function, "FEWEST_BY_ADJOINT", 2)
+    assert result_function.lacks_adjoint(frozen, motion, parameters, [place]) == ""
     for channels in ([mass], [highest], [highest, place]):
-        assert adjoint.lacks_adjoint(frozen, motion, parameters, channels) == "results that are no histories"
+        assert result_function.lacks_adjoint(frozen, motion, parameters, channels) == "results that are no histories"
     accelerated = replace(place, read=lambda run: np.gradient(run.motion.trajectory.v[:, 0]))
-    assert adjoint.lacks_adjoint(frozen, motion, parameters, [accelerated]).endswith("several times at once")
+    assert result_function.lacks_adjoint(frozen, motion, parameters, [accelerated]).endswith("several times at once")
     function = package.ResultFunction(package.load(four_bar("sub-cycling"), *MORE), of=[place.name], to=SPRINGS)
     function.vjp(function.start, np.ones(len(frozen.times)))
     assert function.lacking == "sub-cycling of loops"
 
 
 def test_a_gradient_of_the_tip_and_of_a_history_is_that_of_the_jacobian(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", 2)
+    monkeypatch.setattr(result_function, "FEWEST_BY_ADJOINT", 2)
     result = package.load("arm", *SMALL_ARM, "simulation.duration=0.02 s", "body.forearm.mesh.divisions=[8,1,1]")
     keys = ["joint.elbow.spring", "joint.elbow.damper"]
     function = package.ResultFunction(result, of=["tip", "forearm.wrist.position.y"], to=keys)
@@ -318,7 +320,7 @@ def test_scenes_beside_one_are_kept_of_as_many_numbers_as_march_together(monkeyp
 @pytest.mark.parametrize("fewest", [1, 40])
 def test_derivatives_by_a_number_that_is_0_are_refused(fewest: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """By the adjoint and by tangents; values are had."""
-    monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", fewest)
+    monkeypatch.setattr(result_function, "FEWEST_BY_ADJOINT", fewest)
     result = package.load(chain("central-difference"), *MORE)
     function = package.ResultFunction(result, of=["coupler.b.position.y"], to=OTHERS)
     x = np.array([0.0, 1.0])

@@ -16,10 +16,9 @@ import fmd as package
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.fitting import fit
-from fmd.fitting.experiment_files import read_experiments
+from fmd.fitting.experiment_files import assurance, read_experiments
 from fmd.fitting.fit import fit_scene
 from fmd.fitting.fit_model import FitModel
-from fmd.fitting.linear_experiments import assurance
 from fmd.fitting.measured_tables import read_table
 from fmd.fitting.varied import read_varied
 from fmd.stages.linear_model import linearise_scene

@@ -21,7 +21,7 @@ from fmd.fitting.experiment_files import read_experiments
 from fmd.fitting.experiments import HistoryExperiment
 from fmd.fitting.fit import fit_scene
 from fmd.fitting.fit_model import FitModel
-from fmd.fitting.information import find_information, probability_of, whiteness
+from fmd.fitting.fit_result import find_information, probability_of, whiteness
 from fmd.fitting.measured_tables import read_table
 from fmd.fitting.measurements import estimate_noise, noise_spread, read_measurements
 from fmd.fitting.parameters import find_parameter

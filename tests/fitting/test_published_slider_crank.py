@@ -15,7 +15,7 @@ from scipy.integrate import simpson, solve_ivp
 
 import fmd as package
 from fmd.core.arrays import Array
-from fmd.fitting import adjoint
+from fmd.fitting import result_function
 
 KEYS = ["spring.link.stiffness", "spring.link.damper"]
 PUBLISHED = (3.3366158, 3.3345e-1, -3.6375e-1)  # the energy's integral over time, and its derivatives by both
@@ -109,7 +109,7 @@ def test_derivatives_of_a_published_slider_crank_are_those_of_its_equation_and_o
     own = kinetic_energies(np.array([1.0 + 1e-30j, 1.0]), np.array([1.0, 1.0 + 1e-30j]))
     np.testing.assert_allclose(found[0].value, own[0].real, rtol=0, atol=1e-8)
     assert simpson(found[0].value, x=TIMES) == pytest.approx(PUBLISHED[0], rel=1e-5)
-    monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", 1)
+    monkeypatch.setattr(result_function, "FEWEST_BY_ADJOINT", 1)
     function = package.ResultFunction(result, ["kinetic_energy"], KEYS)
     by_adjoint = function.vjp(function.start, simpson(np.eye(len(TIMES)), x=TIMES))
     assert not function.lacking

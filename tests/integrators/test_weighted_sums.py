@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmd.core.arrays import Array, IntArray
-from fmd.integrators.weighted_sums import add_weighted_rows
+from fmd.integrators.runge_kutta import add_weighted_rows
 from fmd.kernels.kernel import kernel
 
 

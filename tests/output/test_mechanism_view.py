@@ -14,10 +14,9 @@ from fmd import Pipeline, load_scene
 from fmd.core.errors import InputError
 from fmd.integrators.protocol import Trajectory
 from fmd.output.joint_marks import GROUND, JOINT, LOAD
-from fmd.output.mechanism_view import view_mechanism
+from fmd.output.mechanism_view import shape_surfaces, view_mechanism
 from fmd.output.picture_files import picture_key
 from fmd.output.pictures import draw_mechanism
-from fmd.output.rigid_shapes import shape_surfaces
 from fmd.recovery.motion import Motion
 from fmd.stages.mechanism import place_joints
 

@@ -12,8 +12,8 @@ from docs.scene_reference.sections import SECTIONS
 from docs.scene_reference.values import describe_values
 from fmd.core.units import Length, PositiveTime
 from fmd.scene.any_body import Body
-from fmd.scene.bearing_tables import BearingTable, StiffnessTable
 from fmd.scene.curves import TimeFunction
+from fmd.scene.force_elements import BearingTable, StiffnessTable
 from fmd.scene.joints.any_joint import Joint
 from fmd.scene.joints.revolute import Revolute
 from fmd.scene.loads import Drive

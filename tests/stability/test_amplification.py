@@ -16,7 +16,7 @@ from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.protocol import Integrator, State
 from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.subcycling import Subcycling
-from fmd.stability.amplification import amplification_matrix, cycle_growth, spectral_radius
+from fmd.stability.splitting import amplification_matrix, cycle_growth, spectral_radius
 from tests.linear_system import LinearSystem
 
 

@@ -8,13 +8,13 @@ from fmd.dynamics.compiled_system.reference_state import FreeMotion
 from fmd.dynamics.vibration import inertial_coupling
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.subcycling import Subcycling
-from fmd.stability.amplification import cycle_growth
 from fmd.stability.limits import (
     explicit_method,
     find_limits,
     find_sudden_step,
 )
 from fmd.stability.operating_points import OperatingPoints
+from fmd.stability.splitting import cycle_growth
 from fmd.stability.tangent import OperatingPoint
 from tests.linear_system import LinearSystem
 

@@ -14,8 +14,8 @@ from fmd.dynamics.system import System
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability import operating_points
-from fmd.stability.amplification import cycle_growth
 from fmd.stability.operating_points import OperatingPoints, find_operating_points, find_steady_points, settle
+from fmd.stability.splitting import cycle_growth
 from fmd.stability.tangent import OperatingPoint, scheme_growth_rates
 from tests.linear_system import LinearSystem
 

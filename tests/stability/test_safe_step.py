@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fmd.core.limits.stability import ALLOWED_GROWTH
-from fmd.stability.safe_step import longest_safe_step
+from fmd.stability.limits import longest_safe_step
 
 
 @pytest.mark.parametrize("power", [1, 3])

@@ -7,8 +7,7 @@ from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.scene.joints.prismatic import PRISMATIC
-from fmd.stability.amplification import cycle_growth
-from fmd.stability.splitting import choose_split, longest_step, recommend_step, split_at, step_limits
+from fmd.stability.splitting import choose_split, cycle_growth, longest_step, recommend_step, split_at, step_limits
 
 SLOW, FAST = 2 * np.pi * 1.0, 2 * np.pi * 100.0  # rad/s
 

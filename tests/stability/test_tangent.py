@@ -7,12 +7,12 @@ from fmd import Pipeline, load_scene
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
-from fmd.integrators.many_states import state_slopes
+from fmd.integrators.march_tables import state_slopes
 from fmd.integrators.protocol import evaluate
 from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.subcycling import Subcycling
-from fmd.stability.amplification import amplification_matrix
 from fmd.stability.operating_points import find_operating_points, settle
+from fmd.stability.splitting import amplification_matrix
 from fmd.stability.tangent import (
     OperatingPoint,
     cycles_within,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fmd.stability.amplification import cycle_growth
+from fmd.stability.splitting import cycle_growth
 from fmd.stability.two_dof import (
     fit_growth_law,
     stability_map,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmd.output.error_table import NO_BUDGET
+from fmd.output.variable_errors import NO_BUDGET
 from fmd.sweep.record import Record, read_record, write_record
 
 

@@ -13,8 +13,8 @@ from fmd.cli.options import Flag, Json, SceneName, Set, Several, print_json
 from fmd.core.errors import InputError
 from fmd.core.files import refusing
 from fmd.core.progress import Bars
-from fmd.sweep.designs import Design
 from fmd.sweep.local import compute_locally, prepare_workers
+from fmd.sweep.points import Design
 from fmd.sweep.record import Wanted
 
 if TYPE_CHECKING:

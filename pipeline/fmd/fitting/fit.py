@@ -12,8 +12,7 @@ from fmd.core.limits.fitting import DETERMINED, FIRST_PARTS, FIT_TOLERANCE, MOST
 from fmd.core.progress import Monitor, silent
 from fmd.fitting.experiments import Experiment
 from fmd.fitting.fit_model import FitModel
-from fmd.fitting.fit_result import Fit
-from fmd.fitting.information import Information, find_information
+from fmd.fitting.fit_result import Fit, Information, find_information
 from fmd.fitting.varied import VariedNumber, spread_starts
 
 

@@ -1,23 +1,35 @@
-"""Results of a scene as a function of some of its numbers, with its derivatives, for optimisers of one's own."""
+"""Results of a scene as a function of some of its numbers, with its derivatives, for optimisers of one's own.
+
+Weighted sums of histories have theirs by many numbers at once, by the adjoint of the run's march.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from fmd.accuracy.solved_scene import SolvedScene
-from fmd.core.arrays import Array, require_finite, require_shape
+from fmd.core.arrays import Array, IntArray, require_finite, require_shape
+from fmd.core.limits.fitting import FEWEST_BY_ADJOINT, LEAST_READ_DIFFERENCE, READ_DIFFERENCE
 from fmd.dynamics.compiled_system.closed_tangents import LinearisedAnewError
-from fmd.fitting.adjoint import find_gradient, lacks_adjoint
+from fmd.dynamics.compiled_system.tangents import Direction
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.fitting.sensitivities import change_of
 from fmd.fitting.tangents import say_what_lacks_tangents
-from fmd.integrators.adjoint import NotTakenBackError
-from fmd.output.channels import find_all_channels
+from fmd.integrators import (  # noqa: F401 - register how their steps are taken back
+    central_difference_adjoint,
+    exponential_adjoint,
+    generalized_alpha_adjoint,
+    runge_kutta_adjoint,
+    subcycling_adjoint,
+)
+from fmd.integrators.adjoint import NotTakenBackError, pull_back
+from fmd.integrators.protocol import Trajectory
+from fmd.output.channels import ResultChannel, find_all_channels
 from fmd.stages.pipeline import Pipeline
 
 
@@ -128,3 +140,104 @@ class ResultFunction:
 
     def _read(self, run: Pipeline) -> Array:
         return np.concatenate([np.atleast_1d(channel.read(run)) for channel in self._channels])
+
+
+class HistorySum:
+    """Sum of histories with weights (n_channels, n_times) at the output times, as a function of the motion."""
+
+    def __init__(
+        self, frozen: FrozenRun, motion: FrozenMotion, channels: Sequence[ResultChannel], weights: Array
+    ) -> None:
+        self._frozen, self._motion, self._channels, self._weights = frozen, motion, channels, weights
+        self._own = motion.run.motion.trajectory
+
+    def is_of_each_time(self) -> bool:
+        """Return whether histories depend at each output time on the motion there alone."""
+        rng, q, v = np.random.default_rng(0), self._own.q.copy(), self._own.v.copy()
+        for moved in (q, v):
+            moved[1::2] += READ_DIFFERENCE * rng.normal(size=moved[1::2].shape)
+        still, found = (self._read(each)[:, ::2] for each in (self._own, replace(self._own, q=q, v=v)))
+        return np.array_equal(still, found)
+
+    def by_motion(self, name: str, places: IntArray) -> Array:
+        """Return derivatives by some positions, ``q``, or rates, ``v``, at each output time, (n_times, n_places)."""
+        own = getattr(self._own, name)
+        found = np.zeros((len(own), len(places)))
+        for column, place in enumerate(places):
+            step = max(READ_DIFFERENCE * np.abs(own[:, place]).max(), LEAST_READ_DIFFERENCE)
+            unit = step * np.eye(1, own.shape[1], place)
+            low, high = (self._read(replace(self._own, **{name: own + side * unit})) for side in (-1.0, 1.0))
+            found[:, column] = (self._weights * (high - low)).sum(axis=0) / (2.0 * step)
+        return found
+
+    def by_number(self, parameter: Parameter) -> float:
+        """Return the derivative by a number, times its size, where the motion stays as it is."""
+        both = self._frozen.hold_motion(self._motion, parameter)
+        low, high = (self._histories(run) for run in (both.low, both.high))
+        size = abs(self._motion.values.get(parameter, parameter.value))
+        return float((self._weights * (high - low)).sum() * size / (2.0 * both.step))
+
+    def _read(self, trajectory: Trajectory) -> Array:
+        """Return the histories of a motion, (n_channels, n_times)."""
+        return self._histories(self._frozen.with_motion(self._motion, trajectory))
+
+    def _histories(self, run: Pipeline) -> Array:
+        return np.array([channel.read(run) for channel in self._channels])
+
+
+def find_gradient(
+    frozen: FrozenRun,
+    motion: FrozenMotion,
+    parameters: Sequence[Parameter],
+    channels: Sequence[ResultChannel],
+    weights: Array,
+) -> dict[Parameter, float]:
+    """Find derivatives [1/SI] of a weighted sum of histories by many numbers, by the adjoint of the march.
+
+    Weights (n_channels · n_times,) are of the histories' values, one after the other, of which nothing `lacks_adjoint`.
+    Numbers that turn a body's shapes into others are left out.
+    """
+    total, served = HistorySum(frozen, motion, channels, weights.reshape(len(channels), -1)), {}
+    for each in parameters:
+        direction = frozen.direction(motion, each)
+        if direction is not None:
+            served[each] = direction, total.by_number(each)
+    return _add_up(frozen, motion, total, served) if served else {}
+
+
+def lacks_adjoint(
+    frozen: FrozenRun, motion: FrozenMotion, parameters: Sequence[Parameter], channels: Sequence[ResultChannel]
+) -> str:
+    """Return why a gradient of histories by numbers is not by the adjoint of the march, but by tangents, or nothing."""
+    plan, count = motion.plan, len(parameters)
+    if plan is None or any(channel.part or not channel.moves for channel in channels):
+        return "results that are no histories"
+    if count < FEWEST_BY_ADJOINT:
+        return f"{count} numbers: tangents are as quick for less than {FEWEST_BY_ADJOINT}"
+    system = plan.marched[0]
+    if not (system.has_tangents and plan.integrator.carries_tangent(system, [system])):
+        return say_what_lacks_tangents(plan)
+    if plan.mechanism.held or plan.mechanism.states:
+        return "states of controllers and of filters"
+    if any(np.ndim(channel.read(motion.run)) == 0 for channel in channels):
+        return "results that are no histories"
+    own = HistorySum(frozen, motion, channels, np.zeros((len(channels), len(frozen.times))))
+    return "" if own.is_of_each_time() else "results that depend on several times at once"
+
+
+def _add_up(
+    frozen: FrozenRun, motion: FrozenMotion, total: HistorySum, found: Mapping[Parameter, tuple[Direction, float]]
+) -> dict[Parameter, float]:
+    plan = motion.plan
+    assert plan is not None
+    (system, q0, v0), part = plan.marched, plan.excited
+    positions, rates = (np.arange(each.size) for each in plan.start)
+    if part is not None and plan.excited_system is not None:
+        positions, rates = positions[part.positions], rates[part.rates]
+    by_q, by_v = total.by_motion("q", positions), total.by_motion("v", rates)
+    directions = [direction for direction, _ in found.values()]
+    along = pull_back(plan.integrator, system, q0, v0, frozen.times, by_q, by_v, directions)
+    frozen.marches += 1
+    sizes = [abs(motion.values.get(key, key.value)) for key in found]
+    changes = (x + own for x, (_, own) in zip(along, found.values(), strict=True))
+    return {key: float(change) / size for key, change, size in zip(found, changes, sizes, strict=True)}

@@ -22,8 +22,7 @@ from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import CYCLES_SECONDS, FIRST_CYCLES, MORE_CYCLES, RUNAWAY
 from fmd.core.threads import one_thread
 from fmd.dynamics.system import System, note_contacts, project
-from fmd.integrators.many_states import state_slopes
-from fmd.integrators.march_tables import Samples, Starts, keep_values, make_starts, no_starts, take_values
+from fmd.integrators.march_tables import Samples, Starts, keep_values, make_starts, no_starts, state_slopes, take_values
 from fmd.integrators.protocol import Progress, ResumableIntegrator, State, Trajectory, require_times
 from fmd.integrators.work_bounds import ElongationLog, WorkCheck, note_elongations
 from fmd.kernels.kernel import inlined, inner, kernel

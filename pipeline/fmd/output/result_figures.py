@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from fmd.output.channels import ResultChannel, find_channels
-from fmd.output.error_table import NOT_COMPARED
-from fmd.output.variable_errors import VariableErrors
+from fmd.output.variable_errors import NOT_COMPARED, VariableErrors
 from fmd.stages.pipeline import Pipeline
 
 

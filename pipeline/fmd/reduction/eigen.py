@@ -44,8 +44,7 @@ from fmd.reduction.inertia_relief import (
     solve_balanced,
 )
 from fmd.reduction.missed_modes import missed_eigenvalue
-from fmd.reduction.mixed_modes import separate_modes
-from fmd.reduction.modes import EigenPairs
+from fmd.reduction.modes import EigenPairs, separate_modes
 from fmd.reduction.supports import remaining_rigid_motions, remove_fixed_unknowns, tie_rigid_faces
 
 if TYPE_CHECKING:

@@ -22,8 +22,7 @@ from scipy.linalg import eigh, null_space
 
 from fmd.core.limits.modes import SOFTER
 from fmd.core.limits.rank import NEW_RESPONSE
-from fmd.reduction.mixed_modes import separate_modes
-from fmd.reduction.modes import Modes
+from fmd.reduction.modes import Modes, separate_modes
 
 if TYPE_CHECKING:
     from fmd.fem.model import FEModel

@@ -1,4 +1,4 @@
-"""Flexible bodies in a scene file: material, modes and places of each."""
+"""Flexible bodies in a scene file: material, modes, sectors and places of each, and what is linked to it."""
 
 from __future__ import annotations
 
@@ -6,13 +6,82 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field
 
-from fmd.core.limits.scene import MOST_CUT_PIECES
-from fmd.core.units import PositiveDensity, PositiveStress
-from fmd.scene.links import FaceLink, MassOnLink
+from fmd.core.limits.scene import MOST_CUT_PIECES, MOST_SECTORS
+from fmd.core.units import PositiveDensity, PositiveLength, PositiveMass, PositiveStress
 from fmd.scene.modes import ModeSettings, RayleighDamping
 from fmd.scene.places import MarkerPlace, NamedElement, Support
 from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
-from fmd.scene.values import Formulation, Name, Poisson, Words
+from fmd.scene.rigid_bodies import Moment, require_possible_moments
+from fmd.scene.values import FaceName, Formulation, LinkName, Name, Plane, Point, Poisson, Text, Words
+
+
+class FaceLink(SceneTable):
+    """A reference point, as the middle of a bearing, that moves a face rigidly or follows it in the mean.
+
+    Exactly one of ``face``, ``near`` and ``plane`` says which face, as for a marker. Other parts hang on the reference
+    by a marker ``{ link = "NAME" }``, and a lumped mass by its ``at``.
+
+    Example:
+
+        [body.bracket.link]
+        bearing = { face = "bore", type = "rigid", at = ["42 mm", "0 mm", "30 mm"] }
+    """
+
+    # One face of the shape, or several that make one.
+    face: FaceName | Annotated[tuple[FaceName, ...], Field(min_length=1, max_length=100)] | None = None
+    near: Point | None = None  # A point [m]; the smooth face nearest to it is meant.
+    plane: Plane | None = None  # Plane; all of the surface in it is the face.
+    # ``"rigid"`` (RBE2): the face moves as a rigid piece; ``"average"`` (RBE3): the reference moves as the face does in
+    # the mean, each part of it weighted by its area, and leaves it free to deform.
+    type: Literal["rigid", "average"]
+    at: Point | None = None  # The reference point [m]; the middle of the face by default.
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """Names of its faces; empty if another key says where it is."""
+        return (self.face,) if isinstance(self.face, str) else self.face or ()
+
+    def _check(self) -> None:
+        given = [key for key in ("face", "near", "plane") if getattr(self, key) is not None]
+        if not given:
+            raise FaultError("is missing: a face's name; or give near, a point, or plane, e.g. 'x = 0'", "face")
+        if len(given) > 1:
+            raise FaultError(f"can't stand beside {given[0]}: a link's face is given in one way", given[1])
+
+
+class MassOnLink(SceneTable):
+    """A rigid body on the reference point of a link: a motor, a wheel, what is bolted on.
+
+    Example:
+
+        [body.bracket.mass]
+        motor = { at = "bearing", mass = "0.4 kg", inertia = ["1e-4 kg m^2", "1e-4 kg m^2", "2e-4 kg m^2"] }
+    """
+
+    at: LinkName  # Name of the link, or number or set of a point of the deck's links.
+    mass: PositiveMass  # [kg]
+    centre: Point | None = None  # Centre of mass in the part's coordinates [m]; the reference point by default.
+    # Moments about the centre of mass, along the part's x, y and z [kg m²].
+    inertia: tuple[Moment, Moment, Moment] = (0.0, 0.0, 0.0)
+
+    def _check(self) -> None:
+        require_possible_moments(self.inertia)
+
+
+class TiedFace(SceneTable):
+    """A face that stays together with another, of a part whose mesh has no nodes in common with its own.
+
+    Example:
+
+        [[body.box.mesh.tie]]
+        face = "lid-rim"
+        onto = "box-rim"
+    """
+
+    face: FaceName  # The face that follows: that of the finer mesh, on which no rigid link or rigid attachment is.
+    onto: FaceName  # The face that it follows.
+    # How far apart facets of both may be [m]; a tenth of a facet's size by default.
+    within: PositiveLength | None = None
 
 
 def _read_pieces(value: object) -> object:
@@ -195,3 +264,16 @@ class DividedMesh(SceneTable):
         other = getattr(self, "order", None) == 2 or getattr(self, "element", "hexahedron") != "hexahedron"
         if self.formulation == "plain" and other:
             raise FaultError("belongs to hexahedra of order 1; other elements have no such choice", "formulation")
+
+
+class SectorMesh(SceneTable):
+    """Keys of a mesh that may be that of one sector of a cyclic body, about the z axis."""
+
+    # Number of sectors, 3 or more: the file has one of them, which is repeated.
+    cyclic: Annotated[int, Field(strict=True, ge=3, le=MOST_SECTORS)] | None = None
+    # The sector's two faces that one turn carries into each other; a mesh has nodes at the same places of both.
+    cuts: tuple[Text, Text] | None = None
+
+    def _check(self) -> None:
+        if (self.cyclic is None) != (self.cuts is None):
+            raise FaultError("belong together: cyclic = 6, cuts = ['low', 'high']", "cyclic")

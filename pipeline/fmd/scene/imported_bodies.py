@@ -10,14 +10,12 @@ from typing import Any, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from fmd.core.units import Length, PositiveDensity, PositiveLength, PositiveStress
-from fmd.scene.bodies import Deformable, DividedMesh, require_interface
+from fmd.scene.bodies import Deformable, DividedMesh, FaceLink, MassOnLink, SectorMesh, TiedFace, require_interface
 from fmd.scene.layers import Layerable
-from fmd.scene.links import FaceLink, MassOnLink, TiedFace
 from fmd.scene.matrix_files import MatrixFiles
 from fmd.scene.modes import ModeSettings
 from fmd.scene.places import MarkerPlace, NamedElement, Support
 from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
-from fmd.scene.sectors import SectorMesh
 from fmd.scene.values import ForceUnit, LengthUnit, MassUnit, Name, Order, PartName, Poisson, SourceFile
 
 

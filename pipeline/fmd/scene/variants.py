@@ -11,7 +11,7 @@ from typing import Any
 
 from fmd.core.errors import InputError
 from fmd.scene.any_body import Flexible
-from fmd.scene.bearing_tables import BearingTable
+from fmd.scene.force_elements import BearingTable
 from fmd.scene.joints.fixed import Fixed
 from fmd.scene.joints.free import Free
 from fmd.scene.loads import Drive, PointForce

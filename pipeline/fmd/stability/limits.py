@@ -6,24 +6,22 @@ the reference state by the amplification matrix, and at operating points of the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.limits.round_off import SOLVED
-from fmd.core.limits.stability import BELOW_CRITICAL, BEYOND_LIMIT, BISECTIONS
+from fmd.core.limits.stability import ALLOWED_GROWTH, BELOW_CRITICAL, BEYOND_LIMIT, BISECTIONS, SMALLEST_SHARE, SUMMIT
 from fmd.dynamics.compiled_system.reference_state import FreeMotion
 from fmd.dynamics.system import System
 from fmd.dynamics.vibration import highest_frequency, inertial_coupling
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import ResumableIntegrator
 from fmd.integrators.subcycling import Subcycling
-from fmd.stability.amplification import cycle_growth
 from fmd.stability.operating_points import OperatingPoints
-from fmd.stability.safe_step import longest_safe_step
-from fmd.stability.splitting import recommend_step
+from fmd.stability.splitting import cycle_growth, recommend_step
 
 
 @dataclass(frozen=True)
@@ -131,3 +129,46 @@ def find_sudden_step(M: Array, K: Array, n_slow: int, substeps: int) -> tuple[fl
     radius = cycle_growth(M, K, n_slow, 0.5 * low, substeps) if low else 1.0
     rate = np.log(radius) / (substeps * 0.5 * low) if radius > 1 + SOLVED else 0.0
     return low, float(rate)
+
+
+_SCAN = 0.5 ** np.arange(6.0, -0.5, -0.5)  # shares of the upper step
+
+
+def longest_safe_step(e_folds: Callable[[float], float], upper: float, bisections: int = 8) -> float:
+    """Return the longest step [s], up to ``upper``, by which small vibrations grow by `ALLOWED_GROWTH` at most.
+
+    That is ``upper`` if nothing below it grows; 0 if everything down to a millionth of it does. Where growth falls
+    again before it is too much, but after half of the e-folds allowed, it is the step at which it is largest.
+    ``e_folds`` gives those of growth over the duration with a step [s]; the interval of the limit, which begins as a
+    factor of √2, is halved ``bisections`` times.
+    """
+    allowed = np.log(ALLOWED_GROWTH)
+    low = high = before = 0.0
+    for share in _SCAN:
+        folds = e_folds(share * upper)
+        if folds > allowed:
+            high = share * upper
+            break
+        if before > max(folds, SUMMIT * allowed):
+            steps = np.geomspace(low * _SCAN[0] / _SCAN[1], share * upper, 9)[:-1]
+            near = np.array([0.0, *(e_folds(step) for step in steps[1:])])
+            beyond = np.flatnonzero(near > allowed)
+            if not beyond.size:
+                return float(steps[np.argmax(near)])
+            low, high = float(steps[beyond[0] - 1]), float(steps[beyond[0]])
+            break
+        low, before = share * upper, folds
+    if not high:
+        return upper
+    while not low:
+        lower = 0.25 * high
+        if lower < SMALLEST_SHARE * upper:
+            return 0.0
+        if e_folds(lower) > allowed:
+            high = lower
+        else:
+            low = lower
+    for _ in range(bisections):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if e_folds(middle) <= allowed else (low, middle)
+    return low

@@ -32,7 +32,7 @@ from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.system import System
 from fmd.integrators.central_difference import CentralDifference
-from fmd.integrators.many_states import state_slopes
+from fmd.integrators.march_tables import state_slopes
 from fmd.integrators.protocol import ResumableIntegrator, evaluate_projection
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.stability.tangent import (

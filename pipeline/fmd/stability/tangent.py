@@ -19,7 +19,7 @@ from fmd.core.limits.memory import VALUES_AT_ONCE
 from fmd.core.limits.newton import NUDGE
 from fmd.core.limits.stability import ACCELERATION_NUDGE, RATE_NUDGE
 from fmd.dynamics.system import System
-from fmd.integrators.many_states import state_slopes
+from fmd.integrators.march_tables import state_slopes
 from fmd.integrators.protocol import ResumableIntegrator, State, evaluate, evaluate_projection
 
 
@@ -31,7 +31,7 @@ class OperatingPoint:
     q: Array  # (n_positions,): positions
     v: Array  # (n,): rates
     # (n_numbers,): numbers of the mechanism that it is a state of, where another one of that structure stands for it;
-    # see `fmd.integrators.many_states.numbers_in`
+    # see `fmd.integrators.march_tables.numbers_in`
     numbers: Array = field(default_factory=lambda: np.zeros(0))
 
     @property

@@ -17,9 +17,8 @@ from fmd.dynamics.force_laws import ForceCurve, ForceLaw, Stop, smooth_curve, st
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.state_functions import StateCurve
-from fmd.scene.bearing_tables import BearingTable
 from fmd.scene.curves import ForceByElongation
-from fmd.scene.force_elements import AngleStop, Bearing, Bushing, LengthStop, Spring
+from fmd.scene.force_elements import AngleStop, Bearing, BearingTable, Bushing, LengthStop, Spring
 from fmd.scene.joints.joint import JointTable
 from fmd.scene.scene import Scene
 from fmd.stages.state_functions import make_curve

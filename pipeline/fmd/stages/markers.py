@@ -23,7 +23,7 @@ from fmd.fem.model import FEModel
 from fmd.fem.selection import facets_in_plane, facets_near, node_at, nodes_on_edge, nodes_on_faces, points_of_nodes
 from fmd.fem.space import Discretisation
 from fmd.scene.any_body import Flexible
-from fmd.scene.links import FaceLink
+from fmd.scene.bodies import FaceLink
 from fmd.scene.places import MarkerPlace
 from fmd.stages.meshing.bodies import find_name
 

@@ -21,7 +21,7 @@ from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import Integrator, Trajectory
 from fmd.integrators.side_by_side import time_by_turns
 from fmd.scene.run_table import SubCycledRun
-from fmd.stability.safe_step import longest_safe_step
+from fmd.stability.limits import longest_safe_step
 from fmd.stages.buckling import StiffnessChange, find_changes, require_unbuckled
 from fmd.stages.contact_steps import limit_contact_step, most_halvings, step_key, steps_settle
 from fmd.stages.found_together import known_marches, known_points

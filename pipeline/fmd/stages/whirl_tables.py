@@ -20,7 +20,7 @@ from fmd.core.limits.round_off import EXACT
 from fmd.reduction.rotating import WhirlingModes
 from fmd.responses.interpolated_models import Matrices, interpolate_models, matrices_of, with_inputs_seen
 from fmd.responses.whirl_search import WhirlSearch
-from fmd.scene.bearing_tables import BearingTable
+from fmd.scene.force_elements import BearingTable
 from fmd.scene.variants import change_bearings
 from fmd.stages.force_elements import bearing_curves
 from fmd.stages.state_functions import make_curve

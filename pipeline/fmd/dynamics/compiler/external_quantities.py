@@ -10,9 +10,9 @@ from fmd.dynamics.closures import Place
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Scalar, total
-from fmd.dynamics.compiler.joint_loads import trace_joint_loads
 from fmd.dynamics.compiler.joint_motion import joint_elongation
 from fmd.dynamics.compiler.places import trace_place
+from fmd.dynamics.compiler.residual import trace_joint_loads
 
 
 class ElementStress(NamedTuple):

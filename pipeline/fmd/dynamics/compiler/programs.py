@@ -59,7 +59,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from fmd.dynamics.compiler.acceleration_tangents import trace_acceleration_tangents
 from fmd.dynamics.compiler.adjoints import trace_acceleration_adjoint, trace_rows_adjoint, trace_slope_adjoint
 from fmd.dynamics.compiler.algebra import times
 from fmd.dynamics.compiler.closures import ConstrainedForces, MultiplierForces, trace_reactions, trace_rows
@@ -70,13 +69,18 @@ from fmd.dynamics.compiler.forces import ActingForces, GivenForces, PushedForces
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.frozen import trace_drift, trace_fast_step, trace_single
 from fmd.dynamics.compiler.graph import Scalar, Vector, combine
-from fmd.dynamics.compiler.joint_loads import trace_joint_loads
 from fmd.dynamics.compiler.middle import trace_middle, trace_middle_step
 from fmd.dynamics.compiler.program import Output, Program
 from fmd.dynamics.compiler.quantities import trace_kinetic_energy, trace_momenta, trace_potential_energy
 from fmd.dynamics.compiler.recursion import BodyValues, trace_accelerations
-from fmd.dynamics.compiler.residual import trace_motion, trace_residual
-from fmd.dynamics.compiler.tangents import direction_inputs, flatten, trace_tangents, unflatten
+from fmd.dynamics.compiler.residual import trace_joint_loads, trace_motion, trace_residual
+from fmd.dynamics.compiler.tangents import (
+    direction_inputs,
+    flatten,
+    trace_acceleration_tangents,
+    trace_tangents,
+    unflatten,
+)
 from fmd.dynamics.mechanism import Mechanism
 
 Trace = Callable[..., list[Output]]

@@ -2,16 +2,20 @@
 
 The recursive Newton–Euler algorithm (Featherstone 2008, chapter 5) with the bodies' modes: accelerations are carried
 outwards, and the forces that they take inwards. No matrix is formed.
+
+So it has the force that moves a body and all that it carries, whatever
+acts along the joint: what bears, springs, dampers, drives, friction and gears together.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fmd.dynamics.compiler.algebra import Vector6, add, cross, dot, rotate, times, transpose
+from fmd.dynamics.compiler.algebra import Vector6, add, cross, dot, rotate, scale, subtract, times, transpose
 from fmd.dynamics.compiler.bodies import trace_inertia
+from fmd.dynamics.compiler.closures import ConstrainedForces, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates
-from fmd.dynamics.compiler.forces import ActingForces, Forces
+from fmd.dynamics.compiler.forces import ActingForces, Forces, PushedForces
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Terms, Vector, combine
 from fmd.dynamics.compiler.recursion import BodyValues
@@ -93,3 +97,19 @@ def _forces(
         turning = times(transpose(child.marker.A), at_marker[3:])
         on_modes += zip(at_marker[:3] + turning, child.marker.slopes + child.marker.turns, strict=True)
     return force, combine(on_modes)
+
+
+def trace_joint_loads(inputs: Coordinates, frames: list[MovingFrame]) -> list[tuple[Vector6, Vector6, Vector6]]:
+    """Trace of each body the acceleration of its frame, and the force and moment of its joint on parent and body.
+
+    All are in space; moments are about the joint's place on the parent, and about the body's origin.
+    """
+    loops = inputs.mechanism.closures
+    acting = ConstrainedForces(inputs, frames, trace_rows(inputs, frames)) if loops else PushedForces(inputs, frames)
+    out = []
+    for frame, found in zip(frames, trace_joint_forces(inputs, frames, acting), strict=True):
+        R = frame.world[1]
+        falling = rotate(R, found.x)
+        acceleration = subtract(falling[:3], acting.ground[:3]) + falling[3:]
+        out.append((acceleration, scale(-1.0, rotate(R, found.at_place(frame))), rotate(R, found.force)))
+    return out

@@ -10,8 +10,7 @@ from __future__ import annotations
 from typing import Literal
 
 from fmd.core.joint_kinds import ACROSS, SPACE, ElementaryMotion, JointKind
-from fmd.scene.joints.angles import TwoAngleJoint
-from fmd.scene.joints.joint import Mark
+from fmd.scene.joints.joint import Mark, TwoAngleJoint
 from fmd.scene.values import Axis
 
 _HALF = ElementaryMotion(ACROSS[0], factor=0.5)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.joint_kinds import JointKind
-from fmd.scene.force_elements import AngleStop, LengthStop
+from fmd.core.units import Angle, AngularRate, NonNegative, Positive, Torque
+from fmd.scene.force_elements import AngleStop, LengthStop, TurningDamping, TurningStiffness
 from fmd.scene.orientation import Orientation
 from fmd.scene.reading import SceneTable
-from fmd.scene.values import MarkerName, PlaceName
+from fmd.scene.values import Axis, MarkerName, PlaceName
 
 POSITION_KEYS = frozenset({"angle", "angles", "position"})
 """Keys of joints that give coordinates at the start."""
@@ -125,3 +126,37 @@ class CarryingJoint(JointTable, Orientation):
         general = {"type", *CarryingJoint.model_fields, *self.closing_keys}
         optional = [name for name, field in type(self).model_fields.items() if not field.is_required()]
         return [name for name in optional if name not in general and name in self.model_fields_set]
+
+
+class OneAngleJoint(CarryingJoint):
+    """A spring, a damper, end stops and friction act about a joint's axis."""
+
+    start_keys = (("angle",), ("rate",))
+
+    axis: Axis  # Direction of the axis in the axes of the parent's marker or place; its length doesn't count.
+    angle: Angle = 0.0  # Angle at the start [rad].
+    rate: AngularRate = 0.0  # Angular rate at the start [rad/s].
+    spring: TurningStiffness = 0.0  # Stiffness of a spring about the axis [N m/rad].
+    rest: Angle = 0.0  # Angle at which the spring is unstretched [rad].
+    damper: TurningDamping = 0.0  # Coefficient of a damper about the axis [N m s/rad].
+    stop: AngleStop | None = None  # End stops.
+    friction: Annotated[Torque, NonNegative] = 0.0  # Largest friction about the axis [N m].
+    # Angular rate at which friction has reached 71 % of that [rad/s].
+    friction_rate: Annotated[AngularRate, Positive] = 1e-2
+
+
+class TwoAngleJoint(CarryingJoint):
+    """Springs and dampers act against both angles of a joint."""
+
+    start_keys = (("angles",), ("rates",))
+
+    angles: tuple[Angle, Angle] = (0.0, 0.0)  # Both angles at the start [rad].
+    rates: tuple[AngularRate, AngularRate] = (0.0, 0.0)  # Their rates at the start [rad/s].
+    springs: tuple[TurningStiffness, TurningStiffness] = (0.0, 0.0)  # Stiffnesses of springs against them [N m/rad].
+    rests: tuple[Angle, Angle] = (0.0, 0.0)  # Angles at which the springs are unstretched [rad].
+    dampers: tuple[TurningDamping, TurningDamping] = (0.0, 0.0)  # Coefficients of dampers against them [N m s/rad].
+
+    @property
+    def along(self) -> tuple[Along, ...]:
+        """Springs and dampers against both angles."""
+        return tuple(Along(*at) for at in zip(self.springs, self.rests, self.dampers, strict=True))

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from fmd.core.joint_kinds import ALIGNED, AXIS, SPACE, ElementaryMotion, JointKind
-from fmd.scene.joints.angles import OneAngleJoint
-from fmd.scene.joints.joint import Mark
+from fmd.scene.joints.joint import Mark, OneAngleJoint
 from fmd.scene.values import Axis
 
 REVOLUTE = JointKind("revolute", ("rad",), turns=(ElementaryMotion(AXIS),), points=SPACE, squares=ALIGNED)

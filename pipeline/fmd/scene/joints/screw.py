@@ -7,8 +7,7 @@ from typing import Literal
 
 from fmd.core.joint_kinds import AXIS, ElementaryMotion, JointKind
 from fmd.core.units import Length
-from fmd.scene.joints.angles import OneAngleJoint
-from fmd.scene.joints.joint import Mark
+from fmd.scene.joints.joint import Mark, OneAngleJoint
 
 SCREW = JointKind("screw", ("rad",), (ElementaryMotion(AXIS, by_lead=True),), (ElementaryMotion(AXIS),))
 

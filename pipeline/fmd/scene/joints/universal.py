@@ -7,8 +7,7 @@ from typing import Literal
 
 from fmd.core.joint_kinds import AXIS, OTHER, SPACE, ElementaryMotion, JointKind
 from fmd.core.limits.round_off import SOLVED
-from fmd.scene.joints.angles import TwoAngleJoint
-from fmd.scene.joints.joint import Mark
+from fmd.scene.joints.joint import Mark, TwoAngleJoint
 from fmd.scene.reading import FaultError
 from fmd.scene.values import Axis
 

@@ -18,11 +18,11 @@ from fmd.fem.mesh import SolidMesh
 from fmd.fem.midsurface import Layup
 from fmd.fem.sectors import repeat_sector
 from fmd.scene.beams import MeshedBeam
+from fmd.scene.bodies import SectorMesh
 from fmd.scene.imported_bodies import CadFile, CadPart, MatrixPart, MeshedPart
 from fmd.scene.layers import LaminaTable, Layerable
 from fmd.scene.reading import suggest_name
 from fmd.scene.reduced_bodies import ReducedPart
-from fmd.scene.sectors import SectorMesh
 from fmd.scene.shells import Plate, Tube
 from fmd.scene.source_files import SourceFiles
 from fmd.stages.meshing.beams import mesh_beams
