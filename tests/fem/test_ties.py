@@ -59,7 +59,7 @@ def tied(mesh: SolidMesh, order: int, face: str = "up", onto: str = "low", withi
     fe = assemble(mesh, order, ALUMINIUM)
     faces = np.concatenate([mesh.faces[face].ravel(), mesh.faces[onto].ravel()])
     given = TiedFaces("tie", faces, mesh.faces[face], mesh.faces[onto], within)
-    return link_points(fe, Linked(ties=[tie_faces(fe.discretisation, given)]))
+    return link_points(fe, Linked(ties=[tie_faces(fe, fe.discretisation.members[0], given)]))
 
 
 def lowest_hz(fe: FEModel, fixed: IntArray, count: int) -> Array:
@@ -138,18 +138,18 @@ def test_a_bush_in_a_bore_moves_as_one_piece_though_their_polygons_differ() -> N
 def test_faces_that_cant_be_tied_are_refused() -> None:
     sizes = np.array([[1.0, 1.0, 0.5], [1.0, 1.0, 0.5]])
     mesh = stacked("hexahedron", (2, 2, 1), (3, 3, 1), sizes)
-    space = assemble(mesh, 1, ALUMINIUM).discretisation
-    up, low, foot = (mesh.faces[name] for name in ("up", "low", "foot"))
-    with pytest.raises(ValueError, match=r"don't lie against each other; nodes of both come as near as 0 m"):
-        tie_faces(space, TiedFaces("T", up, up, foot))
-    with pytest.raises(ValueError, match=r"share 3 nodes, by which they are joined already"):
-        tie_faces(space, TiedFaces("T", low, low, foot))
-    with pytest.raises(ValueError, match=r"no facet of the mesh's boundary is on the second face"):
-        tie_faces(space, TiedFaces("T", up, up, low[:1]))
     fe = assemble(mesh, 1, ALUMINIUM)
+    space, (member,) = fe.discretisation, fe.discretisation.members
+    up, low, foot = (mesh.faces[name] for name in ("up", "low", "foot"))
+    with pytest.raises(ValueError, match=r"don't lie against each other; they come as near as 0 m"):
+        tie_faces(fe, member, TiedFaces("T", up, up, foot))
+    with pytest.raises(ValueError, match=r"share 3 nodes, by which they are joined already"):
+        tie_faces(fe, member, TiedFaces("T", low, low, foot))
+    with pytest.raises(ValueError, match=r"no facet of the mesh's boundary is on the second face"):
+        tie_faces(fe, member, TiedFaces("T", up, up, low[:1]))
     link = LinkedFace(face_marker(space, up, True), np.zeros(3))
     with pytest.raises(ValueError, match="by a link and a tie"):
-        link_points(fe, Linked({"a": link}, ties=[tie_faces(space, TiedFaces("T", up, up, low))]))
+        link_points(fe, Linked({"a": link}, ties=[tie_faces(fe, member, TiedFaces("T", up, up, low))]))
 
 
 def test_a_gap_is_bridged_where_that_is_said() -> None:

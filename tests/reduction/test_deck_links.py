@@ -73,7 +73,7 @@ def linked(mesh: SolidMesh, mass_order: int | None = None, material: Material = 
         space.__dict__["kind"] = replace(space.kind, mass_order=mass_order)
         fe = FEModel(space, material, assembly._stiffness(space, material), assembly._mass(space, material))
     assert mesh.connections is not None
-    return link_points(fe, find_deck_links(mesh.connections, fe.discretisation))
+    return link_points(fe, find_deck_links(mesh.connections, fe))
 
 
 def clamped_hz(model: FEModel, nodes: IntArray, count: int = 6) -> Array:
@@ -176,7 +176,7 @@ def test_a_mass_on_a_spider_or_on_nodes_has_the_frequency_that_moose_gives(
     found = read_mesh(path, 1.0)
     fe = assemble(found, 1, Material(1e6, 0.3, 1.0), "plain")
     assert found.connections is not None
-    model = link_points(fe, find_deck_links(found.connections, fe.discretisation))
+    model = link_points(fe, find_deck_links(found.connections, fe))
     omega = 2 * np.pi * clamped_hz(model, root, 1)
     assert round(float(omega[0] ** 2), 3) == square
     assert model.mass == pytest.approx(5.0 + 1.0)

@@ -44,7 +44,7 @@ def model_of(path: Path, cards: tuple[str, ...] = MOTOR) -> LinkedModel:
     mesh = read_shell(path, 1e-3, GivenSections(2e-3), mass_unit=1.0, force_unit=1.0)
     fe = assemble(mesh, 1, STEEL)
     assert mesh.connections is not None
-    return link_points(fe, find_deck_links(mesh.connections, fe.discretisation))
+    return link_points(fe, find_deck_links(mesh.connections, fe))
 
 
 def end_nodes() -> IntArray:
@@ -135,7 +135,7 @@ def test_rigid_bodies_of_abaqus_are_those_of_nastran_with_pins_or_without(tmp_pa
         assert mesh.notes[-1] == "links and masses of the file belong to the body: 1 *RIGID BODY, 1 MASS"
         assert mesh.connections is not None
         fe = assemble(mesh, 1, STEEL)
-        abaqus = link_points(fe, find_deck_links(mesh.connections, fe.discretisation))
+        abaqus = link_points(fe, find_deck_links(mesh.connections, fe))
         both = [FreeBodySolver(each).modes(6).omega for each in (nastran, abaqus)]
         assert both[0] == pytest.approx(both[1], rel=1e-9)
     more = f"*NSET, NSET=END\n{ends}\n*RIGID BODY, REF NODE=1, NSET=END\n"
@@ -153,7 +153,7 @@ def test_a_distributing_coupling_weights_a_shells_nodes_by_the_area_around_them(
     mesh = read_shell(tmp_path / "panel.inp", 1e-3, GivenSections(2e-3), 1.0)
     assert mesh.connections is not None
     fe = assemble(mesh, 1, STEEL)
-    (link,) = find_deck_links(mesh.connections, fe.discretisation).links.values()
+    (link,) = find_deck_links(mesh.connections, fe).links.values()
     share = dict(zip((link.marker.nodes - len(mesh.points)).tolist(), link.marker.translation_weights, strict=True))
     corners = np.unique(cells[20:24])
     once = [node for node in corners if (cells[20:24] == node).sum() == 1]

@@ -170,6 +170,26 @@ def solid_fin(tmp_path_factory: pytest.TempPathFactory) -> FlexiblePart:
     return part
 
 
+def test_a_fin_in_two_halves_that_are_tied_is_that_in_one(tmp_path: Path) -> None:
+    whole = finned(np.linspace(-0.02, 0.02, 5), own_nodes=True, coarse=True)
+    halves = finned(np.linspace(-0.02, 0.02, 5), own_nodes=True, coarse=True)
+    cells = halves.elements["S4, ELSET=FIN"]
+    middle = [node for node, x in enumerate(halves.nodes, 1) if x[1] == 0 and abs(x[2] - 0.03) < 1e-9]
+    again = {node: halves.node(*halves.nodes[node - 1]) for node in middle}
+    upper = [cell for cell in cells if halves.nodes[cell[2] - 1][2] > 0.031]
+    for cell in upper:
+        cell[:] = [again.get(node, node) for node in cell]
+    halves.sets |= {"LOWER": middle, "UPPER": list(again.values())}
+    found = []
+    for deck, ties in ((whole, TIE), (halves, [*TIE, {"face": "UPPER", "onto": "LOWER"}])):
+        deck.write(tmp_path / "fin.inp")
+        found.append(part_of(body(tmp_path / "fin.inp", shell="deck", tie=ties)).modes.omega)
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
+    halves.write(tmp_path / "fin.inp")
+    with pytest.raises(InputError, match="shells follow solids and shells, beams follow solids"):
+        _ = part_of(body(tmp_path / "fin.inp", shell="deck", tie=[*ties, {"face": "BASE", "onto": "LOWER"}])).mesh
+
+
 @pytest.mark.parametrize("own_nodes", [True, False])
 def test_a_fin_of_shells_on_a_block_has_the_frequencies_of_solids(
     solid_fin: FlexiblePart, tmp_path: Path, own_nodes: bool

@@ -61,7 +61,7 @@ def test_a_tie_of_meshes_that_match_is_as_good_as_common_nodes(
     ("text", "mesh", "message"),
     [
         ("", {"tie": [{"face": "roof", "onto": "flor"}]}, "mesh.tie.0: no face flor; the faces: ROOF, FLOOR"),
-        ("", {"tie": [{"face": "roof", "onto": "floor"}], "shell": "2 mm"}, "mesh.tie.*is of solids"),
+        ("", {"tie": [{"face": "roof", "onto": "floor"}], "shell": "2 mm"}, "mesh.shell is of shells alone"),
         (TIE.replace("SEAM", "SEAM, CYCLIC SYMMETRY"), {}, r"aren't solid \(1 \*TIE with CYCLIC SYMMETRY\)"),
         (TIE.replace("UP, LOW\n", "UP\n"), {}, r"\*TIE SEAM needs two surfaces"),
         (TIE.replace("S2", "S1"), {}, r"\*TIE SEAM: its faces don't lie against each other"),
@@ -73,3 +73,41 @@ def test_ties_that_are_wrong_are_refused(
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=message):
         frequencies(tmp_path, deck(apart=True) + text, **mesh)
+
+
+def sheets(apart: bool) -> str:
+    """Two plates of four shells side by side, with common nodes between them or each with its own."""
+    x = {
+        (part * apart, i, j): (0.3 * i, 0.2 * j)
+        for part in (0, 1)
+        for i in range(2 * part, 2 * part + 3)
+        for j in (0, 1, 2)
+    }
+    number = {key: k for k, key in enumerate(x, start=1)}
+    lines = ["*NODE", *(f"{number[key]}, {a}, {b}, 0." for key, (a, b) in x.items())]
+    for part, name in enumerate(("LEFT", "RIGHT")):
+        lines.append(f"*ELEMENT, TYPE=S4, ELSET={name}")
+        for k, (i, j) in enumerate((i, j) for i in (0, 1) for j in (0, 1)):
+            ring = ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))
+            nodes = [number[part * apart, 2 * part + a, b] for a, b in ring]
+            lines.append(", ".join(map(str, (4 * part + k + 1, *nodes))))
+        lines += [f"*SHELL SECTION, ELSET={name}, MATERIAL=M", "0.01"]
+    lines += ["*NSET, NSET=SEAM", ", ".join(str(number[apart * 1, 2, j]) for j in (0, 1, 2))]
+    return "\n".join([*lines, "*NSET, NSET=RIM", ", ".join(str(number[0, 2, j]) for j in (0, 1, 2)), ""])
+
+
+@pytest.mark.parametrize("edges", ["5, E4\n6, E4", "5, S6\n6, S6"], ids=["Abaqus", "CalculiX"])
+def test_edges_of_shells_are_tied_by_a_deck_and_by_the_scene(
+    edges: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    wanted = frequencies(tmp_path, sheets(apart=False), shell="deck")
+    surfaces = f"*SURFACE, NAME=ONE\n{edges}\n*SURFACE, NAME=OTHER, TYPE=ELEMENT\nLEFT, SPOS\n"
+    by_deck = frequencies(tmp_path, sheets(apart=True) + surfaces + "*TIE, NAME=T\nONE, OTHER\n", shell="deck")
+    by_scene = frequencies(tmp_path, sheets(apart=True), shell="deck", tie=[{"face": "seam", "onto": "rim"}])
+    assert by_deck == pytest.approx(wanted, rel=1e-9)
+    assert by_scene == pytest.approx(wanted, rel=1e-9)
+    with pytest.raises(InputError, match="surface ONE: shells of 4 corners have no edge E5"):
+        frequencies(
+            tmp_path, sheets(apart=True) + surfaces.replace("5, E4", "5, E5").replace("5, S6", "5, E5"), shell="deck"
+        )

@@ -7,22 +7,33 @@ nothing ties is a rigid piece of its own. A shell's node of which a rotation is 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.mesh import ON_A_LINE, RIGID_RESIDUAL
 from fmd.core.rotations import rigid_motions
-from fmd.fem.connections import Connections, Equation, MassOnPoint, MeanConnection, RigidConnection, SpringBetween
-from fmd.fem.joined import AnySpace, JoinedSpace
+from fmd.fem.connections import (
+    Connections,
+    Equation,
+    MassOnPoint,
+    MeanConnection,
+    RigidConnection,
+    SpringBetween,
+    TiedFaces,
+)
+from fmd.fem.joined import JoinedSpace
 from fmd.fem.links import Linked, LinkedFace, LumpedMass, Relation
 from fmd.fem.local_markers import single_node_marker
 from fmd.fem.markers import Marker, face_marker, weighted_marker
+from fmd.fem.model import FEModel
 from fmd.fem.selection import body_nodes, points_of_nodes
-from fmd.fem.ties import tie_faces
+from fmd.fem.space import member_of
+from fmd.fem.ties import Tie, tie_faces
 
 
-def find_deck_links(deck: Connections, space: AnySpace) -> Linked:
+def find_deck_links(deck: Connections, fe: FEModel) -> Linked:
     """Return the links of a deck on its solid or shell, each by the name of its reference point.
 
     Raises
@@ -30,14 +41,15 @@ def find_deck_links(deck: Connections, space: AnySpace) -> Linked:
     ValueError
         A connection is of a form that links don't have; the message names it.
     """
-    return _Finder(deck, space).linked()
+    return _Finder(deck, fe).linked()
 
 
 class _Finder:
     """Groups of points that are one rigid piece, and what is on each."""
 
-    def __init__(self, deck: Connections, space: AnySpace) -> None:
-        self._deck, self._space = deck, space
+    def __init__(self, deck: Connections, fe: FEModel) -> None:
+        space = fe.discretisation
+        self._deck, self._fe, self._space = deck, fe, space
         if isinstance(space, JoinedSpace):  # whose deck's points are rows
             x, self._first, self._turns = space.x, 0, space.turning
         else:
@@ -78,8 +90,16 @@ class _Finder:
             [self._relation(each, links) for each in deck.equations],
             [self._relation(each, links) for each in deck.springs],
             {name: (at[point], self._x[point]) for name, point in deck.names.items() if point in at},
-            [tie_faces(self._space.members[0].space, each) for each in deck.ties],  # solids come first
+            [self._tie(each) for each in deck.ties],
         )
+
+    def _tie(self, each: TiedFaces) -> Tie:
+        """Return the tie of two faces of solids, or of shells by their nodes."""
+        row = self._first + int(each.face.flat[0])
+        member = member_of(self._space.members, row)
+        midsurface = member.space.mesh.midsurface
+        first = member.first + (0 if midsurface is None else len(member.space.x)) - self._first
+        return tie_faces(self._fe, member, replace(each, face=each.face - first, onto=each.onto - first))
 
     def _turned_nodes(self) -> set[int]:
         """Return the nodes of a shell whose rotations are wanted."""

@@ -15,6 +15,7 @@ from fmd.fem.constraints import Constraints
 from fmd.fem.joined import JoinedSpace, Seam
 from fmd.fem.markers import facets_on_face, weighted_marker
 from fmd.fem.model import FEModel
+from fmd.fem.node_turns import node_turns
 from fmd.fem.selection import interpolate_points
 from fmd.fem.shell_model import ShellModel
 from fmd.fem.space import Member, member_of
@@ -47,7 +48,7 @@ def join_models(space: JoinedSpace, models: Sequence[FEModel]) -> ShellModel:
     T = sp.csr_array(sp.block_diag([_own_map(model) for model in models], format="csr")[rows])
     x = np.concatenate([model.x for model in models])[order]
     arms = [_placed(model.arms, start, place) for model, start in zip(models, starts, strict=False)]
-    directors = [_placed(model.directors, start, place) for model, start in zip(models, starts, strict=False)]
+    directors = _all_of([_placed(own.directors, start, place) for own, start in zip(models, starts, strict=False)])
     constraints = Constraints(T.shape[1], 0)
     for seam in space.mesh.seams:
         _sew(seam, space, T, constraints)
@@ -63,7 +64,7 @@ def join_models(space: JoinedSpace, models: Sequence[FEModel]) -> ShellModel:
         x,
         T=sp.csr_array(T @ J),
         arms=_all_of(arms),
-        directors=_all_of(directors),
+        directors=directors,
     )
 
 
@@ -99,7 +100,7 @@ def _all_of(arms: Sequence[Arms | None]) -> Arms | None:
 class _Shared:
     """Nodes that two members have in common."""
 
-    def __init__(self, space: JoinedSpace, T: sp.csr_array, directors: Sequence[Arms | None]) -> None:
+    def __init__(self, space: JoinedSpace, T: sp.csr_array, directors: Arms | None) -> None:
         self._space, self._T, self._directors = space, T, directors
 
     def lead(self, first: int, second: int, constraints: Constraints) -> None:
@@ -116,39 +117,11 @@ class _Shared:
         x, points = self._space.x, self._points(second, follower)
         arms = sp.csr_array(self._T[_rows(points)])[:, rotations].toarray()
         whole = rigid_motions(x[points] - x[second])[:, :, 3:].reshape(-1, 3)
-        others, turn = self._turn(first)
-        constraints.give(rotations, others, np.linalg.pinv(arms) @ whole @ turn)
-
-    def _turn(self, node: int) -> tuple[IntArray, Array]:
-        """Return the unknowns (n,) that turn a shell's node, and its rotation by these, shape (3, n).
-
-        About its director a node turns as the nodes of the elements around it do in the mean.
-        """
-        member = member_of(self._space.members, node)
-        k = [other.first for other in self._space.members].index(member.first)
-        own, local = self._directors[k], node - member.first - len(member.space.x)
-        assert own is not None
-        around = self._around(node, member)
-        r = self._space.x[around] - self._space.x[node]
-        mean = weighted_marker(around, r, np.ones(len(around))).rotation_weights  # (3, n, 3)
-        relative = np.concatenate([mean, -mean.sum(axis=1, keepdims=True)], axis=1).reshape(3, -1)
-        turned = sp.csr_array(own.turn[3 * local + np.arange(3)] @ self._T)
-        by_mean = sp.csr_array(relative @ self._T[_rows(np.append(around, node))].toarray())
-        shown = turned[:, np.unique(turned.indices)].toarray() if turned.nnz else np.zeros((3, 0))
-        axes, sizes, _ = np.linalg.svd(shown) if shown.size else (np.eye(3), np.zeros(3), None)
-        left = axes[:, np.count_nonzero(sizes > ON_A_LINE * sizes.max(initial=0.0)) :]
-        both = sp.csr_array(turned + sp.csr_array(left @ left.T) @ by_mean)
-        unknowns = np.unique(both.indices)
-        return unknowns, both[:, unknowns].toarray()
-
-    def _around(self, node: int, member: Member) -> IntArray:
-        """Return the other nodes of a shell's elements at a node."""
-        midsurface = member.space.mesh.midsurface
-        assert midsurface is not None
-        first = member.first + len(member.space.x)
-        cells = midsurface.owner[member.space.mesh.cells]
-        nodes = np.unique(cells[(cells == node - first).any(axis=1)])
-        return np.asarray(first + nodes[nodes != node - first])
+        leader = member_of(self._space.members, first)
+        assert self._directors is not None
+        turn = node_turns(self._T, self._directors, leader, np.array([first - leader.first - len(leader.space.x)]))
+        others = np.unique(turn.indices)
+        constraints.give(rotations, others, np.linalg.pinv(arms) @ whole @ turn[:, others].toarray())
 
     def _points(self, node: int, member: Member) -> IntArray:
         """Return the points that turn with a node."""

@@ -148,9 +148,8 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
     own_T = sp.csr_array(sp.eye_array(3 * n, format="csr")) if fe.T is None else fe.T
     constraints = Constraints(own_T.shape[1], len(links))
     for tie in linked.ties:
-        rows = _rows(tie.nodes)
-        free = ~constraints.are_given(rows)
-        constraints.give(rows[free], _rows(tie.others), tie.weights[np.flatnonzero(free)])
+        free = ~constraints.are_given(tie.unknowns)
+        constraints.give(tie.unknowns[free], tie.others, tie.weights[np.flatnonzero(free)])
     groups, weights, shown_at, carried = [], [np.zeros(0)], dict[str, tuple[str, int]](), list[list[CarriedPoints]]()
     for k, (name, link) in enumerate(links.items()):
         marker, grid = link.marker, constraints.grid(k)

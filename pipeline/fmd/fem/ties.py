@@ -14,48 +14,72 @@ from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import rigid_motions
 from fmd.fem.connections import TiedFaces
 from fmd.fem.markers import facets_on_face, weighted_marker
+from fmd.fem.model import FEModel
 from fmd.fem.mortar import follow_face
-from fmd.fem.space import Discretisation
+from fmd.fem.sheet_ties import ShellNodes, far_apart, follow_edge
+from fmd.fem.space import Discretisation, Member
 
 
 @dataclass(frozen=True)
 class Tie:
-    """Nodes whose displacements follow those of others."""
+    """Unknowns of a model that follow others."""
 
-    label: str  # what it is, for messages
-    nodes: IntArray  # (n,)
+    unknowns: IntArray  # (n,)
     others: IntArray  # (m,)
-    weights: sp.csr_array  # (3 n, 3 m): displacements of the nodes by those of the others; rigid motions stay rigid
+    weights: sp.csr_array  # (n, m): rigid motions stay rigid
 
 
-def tie_faces(space: Discretisation, given: TiedFaces) -> Tie:
-    """Return how the first of two faces follows the second, where both are near.
+def tie_faces(fe: FEModel, member: Member, given: TiedFaces) -> Tie:
+    """Return how the first of two faces of a member follows the second, where both are near.
 
-    Across a gap, as between polygons of two meshes of one bore, a node moves as on an arm that turns as the other
-    face's nodes around it do in the mean.
+    Faces are of the points of solids, or of the nodes of shells, numbered from 0. Across a gap, as between polygons of
+    two meshes of one bore, a node moves as on an arm that turns as the other face's nodes around it do in the mean.
 
     Raises
     ------
     ValueError
         The faces have no facets, share nodes, or are too far apart; the message says how far.
     """
-    if space.mesh.midsurface is not None:
-        raise ValueError(f"{given.label} joins faces of shells or beams; ties are of solids")
-    face, onto = (facets_on_face(space, each) for each in (given.face, given.onto))
+    midsurface = member.space.mesh.midsurface
+    if shared := len(np.intersect1d(given.face, given.onto)):
+        raise ValueError(f"{given.label}: its faces share {shared} nodes, by which they are joined already")
+    if midsurface is None:
+        points, others, weights = _follow(member.space, given, given.face, given.onto)
+        return Tie(_rows(member.first + points), _rows(member.first + others), weights)
+    if midsurface.has_sections:
+        raise ValueError(f"{given.label} joins beams, which links join")
+    sheet = ShellNodes(fe, member)
+    glued = sheet.whole(given.face)
+    if given.face.ndim == 1 and not np.isin(given.face, sheet.cells[glued]).all():
+        return Tie(*follow_edge(sheet, given))
+    both = (
+        np.flatnonzero(np.isin(midsurface.owner, sheet.cells[sheet.whole(each)])) for each in (given.face, given.onto)
+    )
+    points, others, weights = _follow(member.space, given, *both)
+    owner = midsurface.owner[points]
+    if len(np.unique(owner)) < len(owner):
+        raise ValueError(f"{given.label}: both sides of its first face lie against the second; name a face for each")
+    unknowns = sheet.T[sheet.rows(owner)].indices
+    moved = sheet.T[_rows(member.first + points)]
+    own = sp.csr_array((np.ones(len(unknowns)), (np.arange(len(unknowns)), unknowns)), shape=moved.shape)
+    follows = sp.csr_array(weights @ sheet.T[_rows(member.first + others)] - (moved - own))
+    known = np.unique(follows.indices)
+    return Tie(unknowns, known, sp.csr_array(follows[:, known]))
+
+
+def _follow(
+    space: Discretisation, given: TiedFaces, one: IntArray, other: IntArray
+) -> tuple[IntArray, IntArray, sp.csr_array]:
+    """Return the points (n,) of a face that follow those (m,) of another, and the weights (3 n, 3 m)."""
+    face, onto = (facets_on_face(space, each) for each in (one, other))
     for name, facets in (("first", face), ("second", onto)):
         if not len(facets):
             raise ValueError(f"{given.label}: no facet of the mesh's boundary is on the {name} face")
-    one, other = (_nodes(space, each) for each in (face, onto))
-    if shared := len(np.intersect1d(one, other)):
-        raise ValueError(f"{given.label}: its faces share {shared} nodes, by which they are joined already")
     found = follow_face(space, face, onto, given.within)
     x = space.x
     if not len(found.nodes):
-        away = float(cKDTree(x[other]).query(x[one])[0].min())
-        raise ValueError(
-            f"{given.label}: its faces don't lie against each other; nodes of both come as near as {away:.3g} m. "
-            "Give the distance that it may bridge (mesh.tie.within, or POSITION TOLERANCE of the deck)"
-        )
+        nodes = (_nodes(space, each) for each in (onto, face))
+        raise ValueError(far_apart(given.label, float(cKDTree(x[next(nodes)]).query(x[next(nodes)])[0].min())))
     weights = sp.csr_array(sp.kron(found.weights, sp.eye_array(3)))
     arms = x[found.nodes] - found.weights @ x[found.others]
     extent = float(np.ptp(x, axis=0).max())
@@ -65,7 +89,12 @@ def tie_faces(space: Discretisation, given: TiedFaces) -> Tie:
     left = weights @ rigid_motions(x[found.others]).reshape(-1, 6) - rigid_motions(x[found.nodes]).reshape(-1, 6)
     if np.abs(left).max() > RIGID_RESIDUAL * max(extent, 1.0):
         raise ValueError(f"{given.label}: its faces meet on a line, about which one would turn on the other")
-    return Tie(given.label, found.nodes, found.others, weights)
+    return found.nodes, found.others, weights
+
+
+def _rows(nodes: IntArray) -> IntArray:
+    """Return the displacements of nodes (k,) among those of all points, shape (3 k,)."""
+    return np.asarray((3 * nodes[:, None] + np.arange(3)).ravel())
 
 
 def _nodes(space: Discretisation, facets: IntArray) -> IntArray:

@@ -80,7 +80,7 @@ class TiedFace(SceneTable):
 
     face: FaceName  # The face that follows: that of the finer mesh, on which no rigid link or rigid attachment is.
     onto: FaceName  # The face that it follows.
-    # How far apart facets of both may be [m]; a tenth of a facet's size by default.
+    # How far apart both may be [m]; by default a tenth of a facet's size, of edges of shells half of both thicknesses.
     within: PositiveLength | None = None
 
 

@@ -118,7 +118,7 @@ def add_links(shape: Flexible, fe: FEModel, file: str, body: str) -> FEModel:
     if with_nodes and space.order != space.mesh.order:
         raise InputError(file, f"body.{body}.mesh.order", space.order, "adds nodes that the deck's links don't have")
     with as_input_error(file, f"body.{body}.mesh.file"):
-        linked = Linked() if deck is None else find_deck_links(deck, space)
+        linked = Linked() if deck is None else find_deck_links(deck, fe)
     links = dict(linked.links)
     for name, given in shape.link.items():
         key = f"body.{body}.link.{name}"

@@ -55,7 +55,7 @@ SECTIONS = {
 def frequencies(mesh: SolidMesh) -> Array:
     fe = assemble(mesh, 1, STEEL)
     if mesh.connections is not None:
-        fe = link_points(fe, find_deck_links(mesh.connections, fe.discretisation))
+        fe = link_points(fe, find_deck_links(mesh.connections, fe))
     return FreeBodySolver(fe).modes(8).omega
 
 

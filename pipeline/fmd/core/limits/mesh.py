@@ -57,6 +57,7 @@ TIE_COVERED = 0.05  # share of a facet that has others before it, from which on 
 TIE_FACING = 0.5  # cosine of the angle between two facets' normals from which on they face each other
 TIE_SHARE = 3 / 8  # of a mid-edge node's function that each corner beside it takes: no function is below zero then
 TIE_PAIRS_AT_ONCE = 1000  # pairs of facets
+TIE_PLACES = 3  # of Gauss's rule along a shell's edge, which integrates products of linear and linked functions
 
 # Shells.
 INNER_TYING = 1e-4  # distance of MITC3+'s inner tying points from the centroid, as published

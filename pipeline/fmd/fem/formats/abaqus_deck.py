@@ -95,7 +95,9 @@ class Deck:
         raw = RawMesh(np.array(list(self.nodes.values())), blocks, cell_sets, point_sets, {}, dict(self.others))
         raw.numbers = np.array(list(self.nodes))
         for name, rows in self.surfaces.items():
-            raw.facet_sets[name] = self._facets(name, rows, raw, where)
+            raw.facet_sets[name], edges = self._facets(name, rows, raw, where)
+            if edges and not raw.facet_sets[name]:
+                point_sets[name] = np.unique(np.concatenate(edges))
         if self.shells:
             nodal, faults = np.full(len(place), np.nan), list(self.thickness_faults)
             for of, thickness in self.nodal_thickness:
@@ -195,12 +197,12 @@ class Deck:
 
     def _facets(
         self, name: str, rows: list[tuple[str, str]], raw: RawMesh, where: dict[int, tuple[int, int]]
-    ) -> list[IntArray]:
-        """Return the corners of a surface's facets, an array for each block and face."""
-        cells_of: dict[tuple[int, int], list[int]] = defaultdict(list)
+    ) -> tuple[list[IntArray], list[IntArray]]:
+        """Return the corners of a surface's facets, an array for each block and face, and nodes of shells' edges."""
+        cells_of: dict[tuple[int, str], list[int]] = defaultdict(list)
         for of, side in rows:
-            if not re.fullmatch(r"S[1-6]|SPOS|SNEG|", side):
-                continue  # edges of shells
+            if not re.fullmatch(r"[SE][1-6]|SPOS|SNEG|", side):
+                continue
             inner = self.names.get(of.rpartition(".")[2].casefold(), "")
             if of.isdigit():
                 numbers = {int(of)} & where.keys()
@@ -210,18 +212,25 @@ class Deck:
                 raise MeshFileError(f"surface {name} names the element set {of}, which isn't there")
             for number in sorted(numbers):
                 b, k = where[number]
-                cells_of[b, int(side[1]) - 1 if side[1:].isdigit() else -1].append(k)
-        facets = []
-        for (b, face), chosen in cells_of.items():
+                cells_of[b, side].append(k)
+        facets, edges = [], []
+        for (b, side), chosen in cells_of.items():
             kind, cells = raw.blocks[b]
-            if face < 0:  # a side of shells
-                if kind.startswith(("triangle", "quad")):
-                    facets.append(cells[chosen][:, : 3 if kind.startswith("triangle") else 4])
+            face = int(side[1]) - 1 if side[1:].isdigit() else -1
+            if kind.startswith(("triangle", "quad")):
+                n = 3 if kind.startswith("triangle") else 4
+                edge = face if side.startswith("E") else face - 2  # CalculiX's S1 and S2 are both sides
+                if edge >= n:
+                    raise MeshFileError(f"surface {name}: shells of {n} corners have no edge {side}")
+                if edge < 0:
+                    facets.append(cells[chosen][:, :n])
+                else:
+                    edges.append(cells[chosen][:, [edge, (edge + 1) % n]].ravel())
                 continue
-            if kind not in CELLS:
-                continue  # edges of plane elements
+            if face < 0 or side.startswith("E") or kind not in CELLS:
+                continue
             corners = CELLS[kind].shape.abaqus_faces
             if face >= len(corners):
                 raise MeshFileError(f"surface {name}: elements of {cells.shape[1]} nodes have no face S{face + 1}")
             facets.append(cells[chosen][:, list(corners[face])])
-        return facets
+        return facets, edges

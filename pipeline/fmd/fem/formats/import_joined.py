@@ -51,7 +51,7 @@ def read_structure(
         if sum(any(own.any() for own in each) for each in kinds) > 1:
             return _Joining(raw, scale, kinds, repair, units).joined(shell, ties)
         if ties:
-            raise MeshFileError("mesh.tie is of solids, or joins shells and beams to solids; link joins others")
+            raw = tie_by_names(raw, scale, ties)
         return mesh_beams(raw, scale, units) if shell is None else mesh_shells(raw, path, scale, shell, units)
 
 
@@ -176,28 +176,26 @@ class _Joining:
         return np.where(place >= 0, first + place, -1)
 
     def _seams(self, rows: list[IntArray]) -> tuple[tuple[TiedFaces, ...], tuple[Seam, ...]]:
-        """Divide ties into those of solids, by rows, and those of nodes with rotations to solids."""
-        raw = self._raw
-        if not raw.connections.ties:
-            return (), ()
-        if self._meshes[0].midsurface is not None:
-            raise MeshFileError("ties are of solids, or join shells and beams to solids, and it has none")
+        """Divide ties into those of elements of one kind, by rows, and those of nodes with rotations to solids."""
         tied, seams = [], []
-        for each in raw.connections.ties:
-            within = None if each.within is None else each.within * self._scale
-            turning = [own[np.unique(each.face)] for own in rows[1:]]
-            nodes = np.unique(np.concatenate(turning))
-            onto = rows[0][each.onto]
-            onto = onto[onto >= 0] if onto.ndim == 1 else onto[(onto >= 0).all(axis=1)]
-            if (nodes := nodes[nodes >= 0]).size:
-                seams.append(Seam(each.label, nodes, onto, within))
+        solids = rows[0] if self._meshes[0].midsurface is None else None
+        for each in self._raw.connections.ties:
+            turning = [own[np.unique(each.face)] for own in rows if own is not solids]
+            nodes = np.unique(np.concatenate([*turning, np.zeros(0, dtype=np.int64)]))
+            onto = None if solids is None else _on(solids, each.onto)
+            if onto is not None and onto.size and nodes.max(initial=-1) >= 0:
+                within = None if each.within is None else each.within * self._scale
+                seams.append(Seam(each.label, nodes[nodes >= 0], onto, within))
                 continue
-            face = rows[0][each.face]
-            if (face < 0).any():
-                raise MeshFileError(f"{each.label}: its first face is of no element that is read")
-            tied.append(
-                replace(each, points=np.unique(np.concatenate([face.ravel(), onto.ravel()])), face=face, onto=onto)
-            )
+            both = [(_on(own, each.face), _on(own, each.onto)) for own in rows]
+            both = [pair for pair in both if len(pair[0]) == len(each.face) and pair[1].size]
+            if not both:
+                raise MeshFileError(
+                    f"{each.label}: no elements of one kind have its first face and the second; shells follow solids "
+                    "and shells, beams follow solids, and link joins others"
+                )
+            one, other = both[0]
+            tied.append(replace(each, points=np.union1d(one, other), face=one, onto=other))
         return tuple(tied), tuple(seams)
 
     def _shared(self, rows: list[IntArray], seams: Sequence[Seam]) -> IntArray:
@@ -264,6 +262,12 @@ class _Joining:
             return found
         si = Connections(ties=ties).in_si(self._scale, 1.0, 1.0).ties
         return Connections(ties=si) if found is None else replace(found, ties=si)
+
+
+def _on(rows: IntArray, face: IntArray) -> IntArray:
+    """Return what of a face, of points or of corners of facets, is a mesh's, by its rows."""
+    own = rows[face]
+    return np.asarray(own[own >= 0] if own.ndim == 1 else own[(own >= 0).all(axis=1)])
 
 
 def _sewn(seams: Sequence[Seam]) -> IntArray:
