@@ -126,6 +126,27 @@ def test_pairs_of_equal_frequency_come_back_complete(square_bar: FEModel) -> Non
     assert across["in-plane bending"][:n] == pytest.approx(across["out-of-plane bending"][:n], rel=1e-9)
 
 
+@pytest.mark.parametrize("joined", [False, True])
+def test_more_modes_are_sought_beside_known_ones(
+    joined: bool, slender_bar: FEModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All at once, they are the same, constrained by a joint or not."""
+    face = face_marker(slender_bar.discretisation, slender_bar.discretisation.mesh.faces["x-"])
+    B = face.columns(len(slender_bar.x), np.eye(3)) if joined else None
+    solver = FreeBodySolver(slender_bar)
+    few, many = solver.modes(9, B), solver.modes(16, B)
+    sought: list[int] = []
+    lanczos = solver._lanczos
+    monkeypatch.setattr(solver, "_lanczos", lambda count, *given: (sought.append(count), lanczos(count, *given))[1])
+    found = solver.modes(16, B, few)
+    assert sought == [7]
+    assert found.n_rigid == many.n_rigid
+    assert found.omega**2 == pytest.approx(many.omega**2, rel=1e-11)
+    signs = np.sign(np.einsum("iak,iak->k", found.shapes, many.shapes))  # two places of a symmetric bar move most
+    np.testing.assert_allclose(signs * found.shapes, many.shapes, atol=1e-7 * np.abs(many.shapes).max())
+    assert np.array_equal(found.shapes[:, :, :9], few.shapes)
+
+
 def test_two_unconnected_pieces_are_refused(box_mesh: Callable[..., SolidMesh], steel: Material) -> None:
     box = box_mesh("hexahedron", (5, 1, 1))
     with pytest.raises(

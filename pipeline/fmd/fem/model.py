@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, short_repr
+from fmd.core.limits.modes import ROUNDED_ENERGY
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms
 from fmd.fem.joined import AnySpace
@@ -53,11 +54,16 @@ class FEModel:
         return sp.csr_array((each.data, 3 * each.indices + axis, each.indptr), shape=(3 * n, 3 * n))
 
     def forces(self, V: Array) -> Array:
-        """Return ``K V`` of fields V (3 n_nodes, n), by strain, without K's round-off, where all of K is of strain."""
-        if not (self.strained and V.size):
-            return np.asarray(self.K @ V)
-        assert isinstance(self.discretisation, Discretisation)
-        return elastic_forces(self.discretisation, self.material, V.reshape(len(self.x), 3, -1)).reshape(V.shape)
+        """Return ``K V`` of fields V (3 n_nodes, n), by strain where K's round-off counts and all of K is of strain."""
+        found = np.asarray(self.K @ V)
+        if self.strained:
+            rounded = np.finfo(float).eps * np.einsum("i,ij,ij->j", self.K.diagonal(), V, V)
+            lost = ~(rounded < ROUNDED_ENERGY * np.einsum("ij,ij->j", V, found))
+            if lost.any():
+                assert isinstance(self.discretisation, Discretisation)
+                shapes = V[:, lost].reshape(len(self.x), 3, -1)
+                found[:, lost] = elastic_forces(self.discretisation, self.material, shapes).reshape(len(V), -1)
+        return found
 
     def stiffness_of(self, V: Array) -> Array:
         """Return ``Vᵀ K V`` of fields V (3 n_nodes, n), shape (n, n), by `forces`."""

@@ -140,11 +140,11 @@ class CyclicSolver(FreeBodySolver):
         self._harmonics = _CyclicInverse(self._sector, self.shift, self._factorise)
         return Factor(self._harmonics, self._harmonics.figures)
 
-    def modes(self, count: int, constraints: Array | None = None) -> EigenPairs:
+    def modes(self, count: int, constraints: Array | None = None, known: EigenPairs | None = None) -> EigenPairs:
         """Return the ``count`` lowest elastic modes as `FreeBodySolver.modes`; under constraints those of the whole."""
         n, n_sectors = self._sector.fe.K.shape[0], self._sector.count
         if constraints is not None or 4 * (count + 6) > n:
-            return super().modes(count, constraints)
+            return super().modes(count, constraints, known)
         modes: list[tuple[float, int, Array]] = []
         highest = np.inf  # below it, no harmonic has a mode that is missing
         for harmonic in range(n_sectors // 2 + 1):
@@ -156,7 +156,7 @@ class CyclicSolver(FreeBodySolver):
         modes = sorted(modes, key=lambda mode: mode[0])[: count + 6]
         eigenvalues = np.array([value for value, _, _ in modes])
         if len(modes) < count + 6 or not eigenvalues[-1] <= highest:
-            return super().modes(count)
+            return super().modes(count, known=known)
         shapes = [self._sector.expand(z.reshape(-1, 3), harmonic).ravel() for _, harmonic, z in modes]
         return self._verified_pairs(eigenvalues, np.stack(shapes, axis=1), 6, self._inverse)
 

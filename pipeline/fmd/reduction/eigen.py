@@ -116,11 +116,11 @@ class FreeBodySolver:
         finally:
             self._advance = before
 
-    def modes(self, count: int, constraints: Array | None = None) -> EigenPairs:
+    def modes(self, count: int, constraints: Array | None = None, known: EigenPairs | None = None) -> EigenPairs:
         """Return the ``count`` lowest elastic modes, or all that a small mesh has.
 
         With columns B (n_nodes, 3, k) of constraints ``Bᵀ φ = 0`` they have ``K φ = ω² M φ + B μ``; without, the body
-        is free.
+        is free. ``known`` are fewer of them, which a large body's others are sought beside.
 
         Raises
         ------
@@ -134,12 +134,16 @@ class FreeBodySolver:
         inverse = constrained_inverse(self._inverse, B) if B.shape[1] else self._inverse
         Z = self._rigid_modes_left(B)
         room = n - B.shape[1] - Z.shape[1]
-        count = min(count, room)
+        count, before = min(count, room), np.zeros((n, 0))
         n_vectors = max(2 * count, count + 20)
         if n_vectors < (DENSE_FROM * room if self.shift < 0.0 and n <= MOST_DENSE else room):  # without, K has hinges
             refuse_large_search(self._factor, n, count)
-            eigenvalues, Phi = self._elastic_pairs(count, n_vectors, room, Z, inverse)
+            if known is not None:
+                before = _unknowns_of(known.shapes.reshape(self._fe.K.shape[0], -1), self._T)
+                count -= before.shape[1]
+            eigenvalues, Phi = self._elastic_pairs(count, room, np.concatenate([Z, before], axis=1), inverse)
         else:
+            known = None
             held = np.concatenate([B, self._M @ Z], axis=1)
             N = null_space((held / np.linalg.norm(held, axis=0)).T) if held.shape[1] else np.eye(n)
             mass, last = N.T @ (self._M @ N), N.shape[1] - 1
@@ -149,7 +153,8 @@ class FreeBodySolver:
         eigenvalues = np.concatenate([np.einsum("ij,ij->j", Z, self._K @ Z), eigenvalues])
         Phi = np.concatenate([Z, Phi], axis=1)
         order = np.argsort(eigenvalues)
-        return self._verified_pairs(eigenvalues[order], Phi[:, order], Z.shape[1], inverse)
+        found = self._verified_pairs(eigenvalues[order], Phi[:, order], Z.shape[1], inverse, before)
+        return found if known is None else known.with_others(found)
 
     def most_modes(self, constraints: Array | None = None) -> int:
         """Return how many elastic modes `modes` can compute: all of a small mesh, not quite half of a large one's.
@@ -261,15 +266,16 @@ class FreeBodySolver:
         Z = np.linalg.qr(R)[0]
         return np.linalg.solve(np.linalg.cholesky(Z.T @ (self._M @ Z)), Z.T).T
 
-    def _elastic_pairs(self, count: int, n_vectors: int, room: int, Z: Array, inverse: Inverse) -> tuple[Array, Array]:
-        """Lowest eigenpairs among the fields that are M-orthogonal to the rigid-body modes Z, of ``room`` dimensions.
+    def _elastic_pairs(self, count: int, room: int, Z: Array, inverse: Inverse) -> tuple[Array, Array]:
+        """Lowest eigenpairs among the fields that are M-orthogonal to known modes Z, of ``room`` dimensions with these.
 
-        Those are known from geometry; left in, they would be the first that Lanczos finds, and cost solves. So are the
-        modes of a search that has missed one: of equal frequencies a start has no more than it has vectors.
+        Rigid-body modes are known from geometry; left in, they would be the first that Lanczos finds, and cost solves.
+        So are the modes of a search before, which may have missed one: of equal frequencies a start has no more than it
+        has vectors.
         """
         values, Phi, known = np.zeros(0), np.zeros((len(Z), 0)), Z
         for attempt in range(LANCZOS_TRIES):
-            size = min(n_vectors, room - Phi.shape[1] - 1)
+            size = min(max(2 * count, count + 20), room - Phi.shape[1] - 1)
             more = min(count, size // 2)
             if self._factor.lowest is not None and inverse is self._inverse:
                 theta, new = self._factor.lowest(self._M, more, size, known)
@@ -324,8 +330,10 @@ class FreeBodySolver:
 
         return solve
 
-    def _verified_pairs(self, eigenvalues: Array, Phi: Array, expected: int, inverse: Inverse) -> EigenPairs:
-        """Count the rigid-body modes, verify the others and give each its sign."""
+    def _verified_pairs(
+        self, eigenvalues: Array, Phi: Array, expected: int, inverse: Inverse, before: Array | None = None
+    ) -> EigenPairs:
+        """Count the rigid-body modes, verify the others, beside the elastic ones ``before``, and give each its sign."""
         n_rigid = int(np.count_nonzero(eigenvalues < ZERO_EIGENVALUE * self.bound))
         if n_rigid != expected:  # round-off of stiff, thin elements leaves more of a rigid mode's eigenvalue
             sizes = np.abs(Phi)
@@ -334,52 +342,51 @@ class FreeBodySolver:
         if n_rigid != expected:
             limits = ZERO_EIGENVALUE * self.bound, rounded
             raise wrong_count(self._fe, self._nodal(Phi[:, :n_rigid]), self.rigid_modes, expected, eigenvalues, limits)
-        residual, *refined = self._refine(eigenvalues, Phi, n_rigid, inverse)
-        squares, Phi = separate_modes(*refined)
-        del refined  # three times as large as Phi
+        known = Phi[:, :n_rigid] if before is None else np.concatenate([Phi[:, :n_rigid], before], axis=1)
+        residual, squares, Phi = self._refine(eigenvalues[n_rigid:], Phi[:, n_rigid:], known, inverse)
         flat = self._nodal(Phi).reshape(self._fe.K.shape[0], -1)
         flat = flat * np.sign(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])])
         order = np.argsort(squares)
         shapes = flat[:, order].reshape(len(self._fe.x), 3, -1)
         return EigenPairs(np.sqrt(squares[order]), shapes, n_rigid, residual, factor=self._factor.figures)
 
-    def _refine(
-        self, eigenvalues: Array, Phi: Array, n_rigid: int, inverse: Inverse
-    ) -> tuple[float, Array, Array, Array]:
-        """Return the largest residual of the elastic pairs in the energy norm, refined modes, their M Φ and K Φ.
+    def _refine(self, squares: Array, Phi: Array, known: Array, inverse: Inverse) -> tuple[float, Array, Array]:
+        """Return the largest residual of elastic pairs in the energy norm, and refined ω² and modes.
 
-        ``r = K φ − λ M φ`` by strain is weighed by the inverse of ``K − σ M``, in which round-off of the stiffest
-        element motions counts little and the reactions of constraints may be of any size. Modes are refined by what
-        the response ``u`` to r has outside all modes, rigid ones too.
+        ``r = K φ − ω² M φ`` is weighed by the inverse of ``K − σ M``, in which round-off of the stiffest element
+        motions counts little and the reactions of constraints may be of any size. Modes are refined by what the
+        response ``u`` to r has outside all modes, known ones too, and by their forces on one another.
         """
-        MPhi = self._M @ Phi
-        error = float(np.abs(Phi.T @ MPhi - np.eye(len(eigenvalues))).max())
+        MPhi, first = self._M @ Phi, known.shape[1]
+        overlaps = np.concatenate([known.T @ MPhi, Phi.T @ MPhi])
+        error = float(np.abs(overlaps - np.eye(len(overlaps), len(squares), -first)).max())
         if not error < LARGEST_OVERLAP:
             raise AccuracyError(f"modes are not M-orthonormal: error {error:.1e} exceeds {LARGEST_OVERLAP:.0e}")
-        elastic, bent, moved = eigenvalues[n_rigid:], Phi[:, n_rigid:], MPhi[:, n_rigid:]
-        energies, u, KPhi = np.empty_like(elastic), np.empty_like(bent), np.empty_like(bent)
-        for first in range(0, len(energies), COLUMNS_AT_ONCE):
-            some = slice(first, first + COLUMNS_AT_ONCE)
-            KPhi[:, some] = self._forces(bent[:, some])
-            defects = KPhi[:, some] - elastic[some] * moved[:, some]
+        energies, u, stiffness = np.empty_like(squares), np.empty_like(Phi), np.empty((len(squares),) * 2)
+        for begin in range(0, len(energies), COLUMNS_AT_ONCE):
+            some = slice(begin, begin + COLUMNS_AT_ONCE)
+            defects = self._forces(Phi[:, some])
+            stiffness[:, some] = Phi.T @ defects
+            defects -= squares[some] * MPhi[:, some]
             u[:, some] = inverse(defects)
             energies[some] = np.einsum("ij,ij->j", defects, u[:, some])
-        residuals = np.sqrt(np.maximum(energies, 0.0) / (elastic - self.shift))
+        residuals = np.sqrt(np.maximum(energies, 0.0) / (squares - self.shift))
         worst = int(residuals.argmax())
         if not residuals[worst] < LARGEST_RESIDUAL:
-            defect = rounded_defect(self._K, Phi[:, n_rigid + worst])  # what round-off leaves by itself
-            rounded = float(np.sqrt(defect @ inverse(defect) / (elastic[worst] - self.shift)))
+            defect = rounded_defect(self._K, Phi[:, worst])  # what round-off leaves by itself
+            rounded = float(np.sqrt(defect @ inverse(defect) / (squares[worst] - self.shift)))
             if not residuals[worst] < min(OF_ROUND_OFF * rounded, ROUNDED_RESIDUAL):
                 thin = rounded > 0.1 * ROUNDED_RESIDUAL
                 raise AccuracyError(
-                    f"mode {worst + 1} at {np.sqrt(elastic[worst]) / 2 / np.pi:.6g} Hz has a residual of "
+                    f"mode {worst + 1} at {np.sqrt(squares[worst]) / 2 / np.pi:.6g} Hz has a residual of "
                     f"{residuals[worst]:.1e}, above {LARGEST_RESIDUAL:.0e}"
                     + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if thin else "")
                 )
-        u -= Phi @ (MPhi.T @ u)  # in which lower modes' round-off would be larger
-        KPhi -= self._K @ u  # u is small, and so is what round-off of K makes of it
-        refined = np.subtract(bent, u, out=u)
-        return float(residuals[worst]), refined, self._M @ refined, KPhi
+        if first:
+            u -= known @ ((self._M @ known).T @ u)  # in which lower modes' round-off would be larger
+        u -= Phi @ (MPhi.T @ u)
+        squares, turn = separate_modes(stiffness, overlaps[first:])
+        return float(residuals[worst]), squares, np.subtract(Phi, u, out=u) @ turn
 
 
 def _unknowns_of(u: Array, T: sp.csr_array | None) -> Array:

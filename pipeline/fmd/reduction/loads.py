@@ -117,13 +117,20 @@ def enrich_modes(
         if not generation:
             first = U.shape[1]
     U = basis[:, Phi.shape[1] :]
-    K = fe.stiffness_of(U)
+    K = U.T @ (fe.K @ U)
     softest = eigh(K[:first, :first], eigvals_only=True)[:1].min(initial=np.inf)
     omega2, turn = eigh(K)
-    both = np.concatenate([Phi, U @ turn[:, omega2 >= SOFTER**2 * softest]], axis=1)
-    omega2, found = separate_modes(both, fe.M @ both, fe.forces(both))
-    found[:, : Phi.shape[1]] = Phi
-    return np.concatenate([modes.omega, np.sqrt(omega2[Phi.shape[1] :])]), found.reshape(len(fe.x), 3, -1)
+    U, n = U @ turn[:, omega2 >= SOFTER**2 * softest], Phi.shape[1]
+    both = np.concatenate([Phi, U], axis=1)
+    stiffness, mass = np.zeros((2, *(both.shape[1],) * 2))
+    np.fill_diagonal(stiffness[:n], modes.omega**2)
+    np.fill_diagonal(mass[:n], 1.0)
+    for matrix, columns in ((stiffness, fe.forces(U)), (mass, fe.M @ U)):
+        matrix[:, n:] = both.T @ columns
+        matrix[n:, :n] = matrix[:n, n:].T
+    omega2, turn = separate_modes(stiffness, mass)
+    both[:, n:] = both @ turn[:, n:]
+    return np.concatenate([modes.omega, np.sqrt(omega2[n:])]), both.reshape(len(fe.x), 3, -1)
 
 
 def _new_part(basis: Array, U: Array, fe: FEModel, least: float) -> Array:

@@ -55,9 +55,9 @@ def complete_pairs(solver: FreeBodySolver, count: int, constraints: Array | None
     most = solver.most_modes(constraints)
     if count > most:
         raise TooManyModesError(f"at most {most} modes can be computed of this mesh; take fewer, or refine it")
-    wanted = count + 1
+    wanted, pairs = count + 1, None
     while True:
-        pairs = solver.modes(min(wanted, most), constraints)
+        pairs = solver.modes(min(wanted, most), constraints, pairs)
         n = int(np.count_nonzero(pairs.omega <= pairs.omega[count - 1] * (1 + PAIR)))
         if n < len(pairs.omega) or len(pairs.omega) < wanted:
             return pairs.lowest(n)
@@ -82,9 +82,9 @@ def modes_of_family(
     most = solver.most_modes(constraints)
     if count > most:
         raise TooManyModesError(f"at most {most} modes of all families can be computed of this mesh")
-    n_all = 4 * count + 4
+    n_all, pairs = 4 * count + 4, None
     while True:
-        pairs = solver.modes(min(n_all, most), constraints)
+        pairs = solver.modes(min(n_all, most), constraints, pairs)
         families, shapes = classify_modes(fe, pairs, normal)
         # The twin of the highest may be missing, without which its plane is not known.
         all_there = len(pairs.omega) < n_all
@@ -100,7 +100,7 @@ def modes_of_family(
             raise TooManyModesError(
                 f"only {len(chosen)} {family} modes are among the {len(pairs.omega)} lowest; {mend}"
             )
-        n_all *= 2
+        n_all += n_all // 2 if 2 * len(chosen) >= count else n_all
 
 
 def classify_modes(fe: FEModel, pairs: EigenPairs, normal: Array) -> tuple[list[str], Array]:

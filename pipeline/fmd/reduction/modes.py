@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -31,9 +31,14 @@ class EigenPairs:
 
     def lowest(self, count: int) -> EigenPairs:
         """Return the ``count`` lowest of the pairs."""
-        return EigenPairs(
-            self.omega[:count], self.shapes[:, :, :count], self.n_rigid, self.residual, factor=self.factor
-        )
+        return replace(self, omega=self.omega[:count], shapes=self.shapes[:, :, :count])
+
+    def with_others(self, others: EigenPairs) -> EigenPairs:
+        """Return these and other pairs of the same body, which are in few cases between them."""
+        omega = np.concatenate([self.omega, others.omega])
+        order = np.argsort(omega, kind="stable")
+        shapes = np.concatenate([self.shapes, others.shapes], axis=2)[:, :, order]
+        return replace(self, omega=omega[order], shapes=shapes, residual=max(self.residual, others.residual))
 
 
 @dataclass(frozen=True)
@@ -61,18 +66,18 @@ class Modes(EigenPairs):
         return table(("mode", "Hz"), rows, f"{self.dofs} unknowns, {self.n_rigid} rigid-body modes")
 
 
-def separate_modes(Phi: Array, MPhi: Array, KPhi: Array) -> tuple[Array, Array]:
-    """Return ω² (n,) and modes (n_unknowns, n), M-orthonormal, each without what it has of the others.
+def separate_modes(K: Array, M: Array) -> tuple[Array, Array]:
+    """Return ω² (n,) and the turn (n, n) of modes, by their stiffness and mass K and M (n, n), to ones without others.
 
-    Phi are nearly modes, MPhi and KPhi their inertia and their elastic forces, of a like shape. Round-off of K mixes
-    them and moves ω², of slender bodies by 1e-9 to 1e-7; forces by strain show by how much, which is so little that its
-    first order does. Modes of one frequency stay as they are.
+    These are nearly diag(ω²) and one. Round-off of a stiffness matrix mixes modes and moves ω², of slender bodies by
+    1e-9 to 1e-7; forces by strain show by how much, which is so little that its first order does. Modes of one
+    frequency stay as they are.
     """
-    one = np.eye(Phi.shape[1])
-    normed = 1.5 * one - 0.5 * (Phi.T @ MPhi)
-    K = normed.T @ (Phi.T @ KPhi) @ normed
+    one = np.eye(len(K))
+    normed = 1.5 * one - 0.5 * M
+    K = normed.T @ K @ normed
     squares = np.diag(K)
     apart = squares[None] - squares[:, None]
     mixed = np.abs(apart) > ROUNDED_PAIR * squares
     mixing = np.where(mixed, 0.5 * (K + K.T) / np.where(mixed, apart, 1.0), 0.0)
-    return squares, np.asarray(Phi @ (normed @ (one + mixing)))
+    return squares, np.asarray(normed @ (one + mixing))
