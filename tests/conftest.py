@@ -19,10 +19,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # Bytecode is kept, that of tests with rewritten asserts, too: some hundred processes would each make it anew.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-# Kernels are shared by the processes of a run. A developer's stay from run to run, named by their source; the gate's
-# are compiled anew: there the first process makes the folder, and those that it starts inherit its name.
-_COLD = bool(os.environ.get("CI")) and "FMD_TEST_KERNELS" not in os.environ
-_KEPT = tempfile.mkdtemp(prefix="fmd-kernels-") if _COLD else Path(__file__).parents[1] / ".pytest_cache" / "kernels"
+# Kernels are shared by the processes of a run, and stay from run to run, named by their source.
+_KEPT = Path(__file__).parents[1] / ".pytest_cache" / "kernels"
 _KERNELS = Path(os.environ.setdefault("FMD_TEST_KERNELS", str(_KEPT)))
 _KERNELS.mkdir(parents=True, exist_ok=True)
 
@@ -117,12 +115,13 @@ def with_own_cache() -> Callable[[Path], dict[str, str]]:
 
 
 QUICKLY_COMPILED = {
-    *("contact", "dynamics", "fitting", "integrators", "responses", "stability"),
+    *("contact", "dynamics", "fitting", "integrators", "responses", "stability", "stages"),
     # a function of its own for each scene, which is hardly marched
-    *("test_controllers", "test_deformation", "test_details", "test_histories", "test_large_deflection", "test_links"),
-    *("test_loads_through_bodies", "test_loop_scenes", "test_overstated", "test_pieces", "test_pressure"),
-    *("test_propeller_scenes", "test_spin_up", "test_stress", "test_stretched_bars", "test_suite", "test_truth"),
-    *("test_turning_pieces", "test_warping_pieces", "test_work"),
+    *("test_body_file", "test_coarse_mesh", "test_constant_velocity", "test_corner_stress", "test_deformation"),
+    *("test_details", "test_histories", "test_large_deflection", "test_loads_through_bodies", "test_mechanism_view"),
+    *("test_middle_stress", "test_overstated", "test_pieces_stability", "test_pressure", "test_propeller_scenes"),
+    *("test_spin_up", "test_stress", "test_stretched_bars", "test_suite", "test_truth", "test_turning_pieces"),
+    *("test_urdf", "test_view_page", "test_work"),
 }
 """Rooms and files whose marches are short; longer ones cost more than compiling."""
 FULLY_COMPILED = {"test_machine_code"}
@@ -230,8 +229,6 @@ def pytest_collection_finish() -> None:
 
 def pytest_unconfigure() -> None:
     shutil.rmtree(_CACHE, ignore_errors=True)
-    if _COLD:
-        shutil.rmtree(_KERNELS, ignore_errors=True)
 
 
 def make_box(
