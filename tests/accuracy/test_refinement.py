@@ -158,7 +158,11 @@ def test_a_mesh_that_is_too_large_ends_the_rounds_and_the_best_run_counts() -> N
 
 def test_a_run_in_which_nothing_moves_has_a_budget(tmp_path, capsys) -> None:
     """Without the mend it ended in a division by a stress of 0."""
-    overrides = [part for text in (*QUICK, "drive={}", "output=[]") for part in ("--set", text)]
+    overrides = [
+        part
+        for text in (*QUICK[:2], "body.beam.mesh.divisions=[8, 2, 1]", "drive={}", "output=[]")
+        for part in ("--set", text)
+    ]
     with pytest.raises(SystemExit) as stop:
         main(["run", "beam", *overrides, "--no-pictures", "--out", str(tmp_path), "--json"])
     assert not stop.value.code

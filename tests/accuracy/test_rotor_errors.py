@@ -41,7 +41,7 @@ axial = "1e6 N/m"
 [bearing.far]
 {BEARING.format("far")}
 """
-FINER = ("body.shaft.mesh={order=2, divisions=[12, 2, 2]}", "body.shaft.modes.count=8")
+FINER = ("body.shaft.mesh={order=2, divisions=[8, 2, 2]}", "body.shaft.modes.count=6")
 RATES = np.linspace(0.0, 600.0, 3)
 SPEEDS = np.linspace(500.0, 900.0, 9)
 

@@ -35,7 +35,7 @@ def stack(x: float, y: float, duration: float) -> Pipeline:
 
 def test_a_cube_stands_on_the_corners_of_what_it_shares_with_another() -> None:
     """Two of these are where edges cross: without them it would tip over the line between the other two."""
-    run = stack(0.3 * SIDE, 0.1 * SIDE, 0.06)
+    run = stack(0.3 * SIDE, 0.1 * SIDE, 0.04)
     own, motion = run.motion.contacts["on"], run.motion
     later = motion.times > 0.02
     np.testing.assert_allclose(own.force[later].mean(axis=0), [0.0, 0.0, 10.0 * MASS], atol=0.05 * 10.0 * MASS)
@@ -46,7 +46,7 @@ def test_a_cube_stands_on_the_corners_of_what_it_shares_with_another() -> None:
 
 
 def test_a_cube_that_is_more_than_half_beyond_tips() -> None:
-    motion = stack(0.75 * SIDE, 0.0, 0.1).motion
+    motion = stack(0.75 * SIDE, 0.0, 0.05).motion
     assert np.linalg.norm(motion.trajectory.v[-1, 3:]) > 1.0
 
 

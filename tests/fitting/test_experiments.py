@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -286,7 +287,7 @@ def test_a_wrong_table_is_refused(
 
 
 def test_the_command_takes_experiments_with_settings_of_their_own(
-    fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = tmp_path / "mass.toml"
     scene.write_text(
@@ -322,6 +323,7 @@ step = "1 ms"
     found = json.loads(capsys.readouterr().out)
     assert found["parameters"][0]["value"] == pytest.approx(800.0, rel=1e-4)
     assert found["files"] == ["fit.png", "fit.csv", "fit-2.png", "fit-2.csv", "fit.json", "fitted.toml"]
+    monkeypatch.setattr("fmd.render.fit_chart.draw_fit", Mock())  # it was drawn
     assert fmd("fit", scene, *given, *noise) == 0
     assert "of each value" in capsys.readouterr().out
     alone = tmp_path / "alone.csv"

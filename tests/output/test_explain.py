@@ -13,7 +13,7 @@ from fmd.output.write import write_results
 from fmd.stages.part import PART_STAGES
 from fmd.stages.pipeline import RUN_STAGES
 
-QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
+QUICK = ["body.beam.mesh.divisions=[6, 2, 1]", "body.beam.modes.count=2", "simulation.duration=10 ms"]
 MORE = """
 [body.beam.element.middle]
 at = ["170 mm", "0 mm", "0 mm"]
