@@ -151,14 +151,10 @@ class Automatic(Integrator):
         """Return the methods of the two marches that tell the error of one that was chosen, which is the last."""
         return replace(chosen, step=limits.NEARLY * chosen.step), chosen
 
-    def judge(
-        self, system: System, coarse: Trajectory, fine: Trajectory, chosen: CentralDifference
-    ) -> Trajectory | None:
-        """Return the finer of two marches by `pair_of` as this method's own, or ``None`` if they don't agree."""
-        report = pairs_of(system, self.error)
-        report.seconds = coarse.seconds + fine.seconds
-        agreed = [report.agrees(march, _gain(coarse, system)) for march in (coarse, fine)]
-        return self._own(fine, chosen, report) if agreed[-1] else None
+    def judge(self, march: Trajectory, method: CentralDifference, system: System, report: Pairs) -> Trajectory | None:
+        """Return a march of a system as this method's own if it agrees with the one before, which a report has."""
+        report.seconds += march.seconds
+        return self._own(march, method, report) if report.agrees(march, _gain(march, system)) else None
 
     def _say_what_differs(self, system: System, report: Pairs) -> str:
         """Return by how much the last two marches differ, where, since when, and what would be met."""

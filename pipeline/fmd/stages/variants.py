@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators.automatic import Automatic
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.fixed_step import FixedStepIntegrator
+from fmd.integrators.march_pairs import Pairs, pairs_of
 from fmd.integrators.protocol import Trajectory
 from fmd.stability.variants import JoinedPoints, VariantStart, differ_in_numbers, find_points_of_variants
 from fmd.stages.found_together import known_marches, known_points
@@ -120,7 +122,8 @@ def _march_together(some: Sequence[_Run], method: FixedStepIntegrator) -> list[T
 def _share_choice(some: Sequence[_Run], auto: Automatic) -> None:
     """March runs of one structure by the method and the step that 'auto' takes for the one that vibrates fastest.
 
-    Each has its error by two marches of its own, and makes its own choice where these don't agree.
+    Each has its error by two marches of its own. Those whose marches don't agree take shorter steps together, once, and
+    make their own choice where that isn't enough.
     """
     fastest = max(some, key=lambda each: each.plan.marched[0].highest_frequency)
     try:
@@ -128,10 +131,29 @@ def _share_choice(some: Sequence[_Run], auto: Automatic) -> None:
     except AccuracyError:  # which its own stage meets again
         return
     known_marches(fastest.run)[fastest.label] = march
-    others, chosen = [each for each in some if each is not fastest], march.chosen
-    if not isinstance(chosen, CentralDifference):
+    if not isinstance(chosen := march.chosen, CentralDifference):
         return
-    for own, *pair in zip(others, *(_march_together(others, each) for each in auto.pair_of(chosen)), strict=True):
-        coarse, fine = pair
-        if coarse is not None and fine is not None:
-            own.keep(auto.judge(own.plan.marched[0], coarse, fine, chosen))
+    left = [(each, pairs_of(each.plan.marched[0], auto.error)) for each in some if each is not fastest]
+    for method in auto.pair_of(chosen):
+        left = _judge_together(left, auto, method)
+    if left:
+        more = max(report.more_steps() for _, report in left)
+        _judge_together(left, auto, replace(chosen, step=chosen.step / more))
+
+
+def _judge_together(
+    runs: Sequence[tuple[_Run, Pairs]], auto: Automatic, method: CentralDifference
+) -> list[tuple[_Run, Pairs]]:
+    """March runs, each with its marches before, and keep those that agree with these; return the others.
+
+    Those that diverge aren't among them: they make their own choice.
+    """
+    marches = zip(runs, _march_together([own for own, _ in runs], method), strict=True)
+    left = []
+    for (own, report), march in marches:
+        if march is None:
+            continue
+        own.keep(found := auto.judge(march, method, own.plan.marched[0], report))
+        if found is None:
+            left.append((own, report))
+    return left
