@@ -39,6 +39,26 @@ def test_a_clamped_end_of_a_short_beam_stays_averaged() -> None:
     assert not part.markers["root"].rigid
 
 
+def test_a_fixed_joint_on_the_feet_of_a_portal_holds_each_of_them(tmp_path: Path) -> None:
+    s = np.linspace(0, 1, 6)
+    x = [*((0, 0, each) for each in s), *((each, 0, 1) for each in s[1:]), *((1, 0, 1 - each) for each in s[1:])]
+    deck = ["*NODE", *(f"{k}, {', '.join(map(str, map(float, own)))}" for k, own in enumerate(x, start=1))]
+    deck += ["*ELEMENT, TYPE=B31, ELSET=E", *(f"{k}, {k}, {k + 1}" for k in range(1, 16))]
+    deck += ["*BEAM SECTION, ELSET=E, SECTION=RECT, MATERIAL=M", "0.02, 0.03", "0., 1., 0."]
+    deck += ["*NSET, NSET=FEET", "1, 16", "*NSET, NSET=TIP", "8", ""]
+    (tmp_path / "a.inp").write_text("\n".join(deck))
+    scene = swung({"mesh": {"file": str(tmp_path / "a.inp"), "unit": "m", "beam": "deck"}})
+    body = scene["body"]["plate"]
+    body["marker"] = {"root": {"face": "FEET"}, "tip": {"face": "TIP"}}
+    scene["joint"]["hub"] = {"type": "fixed", "parent": "ground", "child": "plate.root"}
+    scene["drive"] = {}
+    body["modes"] = {"count": 4, "boundary": "joint"}
+    by_joint = fmd.load(scene).modes.frequencies_hz
+    held = {key: own for key, own in body.items() if key != "marker"} | {"modes": {"count": 4}}
+    by_support = fmd.load({"title": "P", "body": {"b": held | {"support": [{"face": "FEET"}]}}}).modes.frequencies_hz
+    assert by_joint == pytest.approx(by_support, rel=1e-9)  # the mean of both feet alone: 0.7, 0.5, 0.4 of these
+
+
 @pytest.mark.parametrize("axis", [[0, 0, 1], [0, 1, 0]], ids=["z", "y"])
 def test_turning_stiffens_a_profile_as_a_bar_of_solids(axis: list[int]) -> None:
     found = []

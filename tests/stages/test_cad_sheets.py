@@ -163,7 +163,7 @@ def test_solids_second_order_and_sectors_are_refused_as_shells(folder: Path) -> 
     plies = {"lamina": {"a": {"E1": 9e9, "E2": 9e9, "nu12": 0.3, "G12": 3e9, "rho": 1500.0}}}
     body = {"layers": [{"material": "a", "thickness": "1 mm"}], "modes": {"count": 3}} | plies
     mesh = {"cad": str(folder / "plate.step"), "size": "5 mm", "shell": "layers", "thickness": {"face-1": "3 mm"}}
-    with pytest.raises(InputError, match="is of parts of shells whose thickness is not by layers"):
+    with pytest.raises(InputError, match="is of parts that are shells; layers have their own"):
         load_scene({"title": "Plies", "body": {"p": body | {"mesh": mesh}}})
     mesh = {"cad": str(folder / "plate.step"), "size": "5 mm", "shell": "2 mm"}
     with pytest.raises(InputError, match="must be 'layers', which have the thickness of a body with layers"):

@@ -27,7 +27,10 @@ from fmd.core.limits.modes import (
 from fmd.core.limits.round_off import SUMMED
 from fmd.core.progress import Advance
 
-THIN = "since elements are so thin: shorter elements, or a thicker part, have less of it"
+THIN = (
+    "since elements are so thin (shorter elements, or a thicker part, have less of it) or hardly anything resists a "
+    "motion, as of parts that turn on hinges"
+)
 
 
 def rounded_defect(K: Any, u: Array) -> Array:

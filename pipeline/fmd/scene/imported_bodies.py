@@ -143,7 +143,8 @@ class Imported(Layerable):
         if shell == "layers" and not self.layers:
             raise FaultError("takes the thickness of the body's layers, and there are none", "mesh", "shell")
         if self.mesh.thickness and shell in (None, "layers"):  # type: ignore[attr-defined]
-            raise FaultError("is of parts of shells whose thickness is not by layers", "mesh", "thickness")
+            mend = "without mesh.shell, as shell = '2 mm', nothing is" if shell is None else "layers have their own"
+            raise FaultError(f"is of parts that are shells; {mend}", "mesh", "thickness")
         if self.layers and self.material:
             raise FaultError("has no effect beside layers, which have the materials of lamina", "material")
         if self.offset and shell in (None, "deck"):

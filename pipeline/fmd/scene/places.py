@@ -70,8 +70,8 @@ class MarkerPlace(Orientation):
     link: LinkName | None = None
     # How the marker follows its nodes: their mean motion (``"averaged"``, RBE3), which leaves the face free to deform,
     # or as a rigid face (``"rigid"``, RBE2). Points and edges have no other than ``"averaged"``. By default a face by
-    # which a fixed joint clamps a body of solids or shells that touches no other is rigid if it is broad, of more than
-    # a quarter of the body's reach from it; all others are averaged.
+    # which a fixed joint clamps a body that touches no other is rigid if it is broad, of more than a quarter of the
+    # body's reach from it, or of several beams; all others are averaged.
     attachment: Literal["averaged", "rigid"] | None = None
 
     @property

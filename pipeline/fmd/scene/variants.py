@@ -141,7 +141,8 @@ def attach_roots_rigidly(scene: Scene, roots: Mapping[str, str]) -> Scene | None
     for name, root in roots.items():
         body = scene.flexible[name]
         marker = body.marker[root]
-        if marker.attachment == "rigid" or getattr(marker, "face", None) is None:
+        several = getattr(marker, "face", None) is not None or len(getattr(marker, "nodes", None) or ()) > 1
+        if marker.attachment == "rigid" or not several:
             continue
         markers = {**body.marker, root: marker.model_copy(update={"attachment": "rigid"})}
         bodies[name] = body.model_copy(update={"marker": markers})

@@ -68,14 +68,14 @@ def place_markers(
 def clamp_broad(marker: Marker, space: AnySpace, others: Mapping[str, Marker]) -> Marker:
     """Return the marker of a clamped face, rigid if the face is broad beside the body's reach from it.
 
-    Averaged, a broad face warps and bends, which no clamp allows. Where nodes of another rigid face are on it, it stays
-    averaged, and so does a section of a beam, which moves as a whole.
+    Averaged, a broad face warps and bends, and ends of several beams turn each by itself, which no clamp allows. Where
+    nodes of another rigid face are on it, it stays averaged, and so does one section of a beam, which moves as a whole.
     """
-    if space.mesh.midsurface is not None and space.mesh.midsurface.has_sections:
-        return marker
     nodes = [other.nodes for other in others.values() if other.rigid]
     if nodes and np.isin(marker.nodes, np.concatenate(nodes)).any():
         return marker
+    if (line := space.mesh.midsurface) is not None and line.has_sections:
+        return replace(marker, rigid=len(np.unique(line.owner[marker.nodes])) > 1)
     away = np.linalg.norm(space.x - marker.position, axis=1)
     broad = 2 * away[marker.nodes].max() > BROAD_CLAMP * away.max()
     return replace(marker, rigid=True) if broad else marker
@@ -174,8 +174,6 @@ def place_node_markers(shape: Flexible, model: MatrixModel, file: str, body: str
 
     def place(name: str, marker: MarkerPlace) -> Marker:
         nodes = nodes_in_plane(model, *marker.plane) if marker.plane else np.array(marker.nodes)
-        if model.T is not None and marker.attachment == "rigid":
-            raise ValueError("can't be rigid where nodes have rotations; take one node, which turns, or their mean")
         return node_marker(model, nodes, marker.attachment == "rigid")
 
     return _placed(shape, place, file, body)

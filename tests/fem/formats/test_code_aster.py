@@ -76,6 +76,7 @@ def test_what_is_not_a_free_bodys_matrix_is_refused_by_name(
         (text.replace(last, last.replace("DRZ", "DRX")), 6, "two equations of one node and component"),
         (text.replace(first, ""), 6, rf"it isn't whole: {terms - 1} of the {terms} entries of its half are there"),
         (text.replace(last, ""), 6, "its size is 36, and 35 equations are described"),
+        (printed(K[6:, 6:], labels[1:]), 6, "it has no equation of node 3; leave out of the nodes"),
         (text.partition("DESCRIPTION")[0], 6, "it isn't whole"),
         (printed(K, labels, MATRICE_A_COEEFICIENTS_REELS="F"), 6, "its entries are complex"),
         (printed(K, labels, MATRICE_HPC="T"), 6, "it is distributed over processes"),

@@ -229,6 +229,32 @@ def test_a_scene_has_the_body_with_its_inertia_and_warns_of_lumped_masses(tmp_pa
     assert "changes a frequency of its modes by about" in text
     path = np.asarray(result.motion.tip_position)
     assert 1e-5 < np.linalg.norm(path[-1] - path[0]) < 1e-2  # it falls freely by 0.5 mm in 10 ms
-    markers["tip"]["attachment"] = "rigid"  # type: ignore[assignment]
-    with pytest.raises(InputError, match="can't be rigid where nodes have rotations"):
-        fmd.load(table).motion  # noqa: B018
+
+
+def test_a_fixed_joint_on_several_nodes_holds_their_rotations_if_it_is_rigid(tmp_path: Path) -> None:
+    x, K, _ = frame(n=8)
+    stiffness, mass, nodes = map(str, write(tmp_path, x, K, lumped(x)))
+    files = {"stiffness": stiffness, "mass": mass, "nodes": nodes, "unit": "m", "unknowns": 6}
+    feet = [100, 104, 107]
+    table = {
+        "title": "Frame on three feet",
+        "body": {
+            "frame": {
+                "matrices": files,
+                "modes": {"count": 4, "boundary": "joint"},
+                "marker": {"feet": {"nodes": feet, "attachment": "rigid"}, "tip": {"nodes": [102]}},
+            }
+        },
+        "joint": {"hub": {"type": "fixed", "parent": "ground", "child": "frame.feet"}},
+        "simulation": {
+            "duration": "1 ms",
+            "output_step": "1 ms",
+            "tip": "frame.tip",
+            "run": [{"integrator": "runge-kutta"}],
+        },
+    }
+    free = np.setdiff1d(np.arange(48), np.concatenate([6 * (k - 100) + np.arange(6) for k in feet]))
+    omega2 = eigh(K[np.ix_(free, free)], lumped(x)[np.ix_(free, free)], eigvals_only=True, subset_by_index=[0, 3])
+    assert fmd.load(table).modes.frequencies_hz == pytest.approx(np.sqrt(omega2) / (2 * np.pi), rel=1e-7)
+    del table["body"]["frame"]["marker"]["feet"]["attachment"]  # type: ignore[index]
+    assert fmd.load(table).modes.frequencies_hz[0] < 0.9 * np.sqrt(omega2[0]) / (2 * np.pi)

@@ -59,6 +59,9 @@ def read_code_aster(text: str, labels: IntArray, unknowns: int) -> sp.coo_array:
         place[k] = own[int(number[1])] + _COMPONENTS.index(component)
     if len(np.unique(place)) < n:
         raise ValueError("it describes two equations of one node and component")
+    if len(bare := np.setdiff1d(np.arange(len(labels)), place // unknowns)):
+        more = f" and {len(bare) - 1} more" if len(bare) > 1 else ""
+        raise ValueError(f"it has no equation of node {labels[bare[0]]}{more}; leave out of the nodes what isn't in it")
     body = re.sub(r"(?<=\d)([+-]\d{3})\b", r"E\1", body)  # Fortran leaves out the letter of an exponent of three digits
     table = np.loadtxt(StringIO(body), ndmin=2)
     if table.shape[1:] != (3,) or not ((table[:, :2] >= 1) & (table[:, :2] <= n)).all():

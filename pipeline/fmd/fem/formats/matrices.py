@@ -147,6 +147,9 @@ def node_marker(model: MatrixModel, nodes: IntArray, rigid: bool = False) -> Mar
     own = np.array(sorted({place[int(node)] for node in nodes}), dtype=np.int64)
     if len(own) == 1 and (turning := model.turning_marker(int(own[0]))) is not None:
         return turning
+    turned = [each.nodes for k in own.tolist() if rigid and (each := model.turning_marker(k)) is not None]
+    if turned:  # with their rotations
+        own = np.unique(np.concatenate([own, *turned]))
     r = model.x[own] - model.x[own].sum(axis=0) / max(len(own), 1)
     second = r.T @ r
     if len(own) < 3 or np.linalg.eigvalsh(second)[1] <= IN_LINE * np.trace(second):

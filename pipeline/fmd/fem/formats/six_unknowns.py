@@ -141,7 +141,6 @@ def six_unknowns_model(
         shown,
         np.where(np.isin(np.arange(n), turns), n + 7 * np.searchsorted(turns, np.arange(n)), -1),
         T=T,
-        link_unknowns=3 * len(turns),
         arms=arms if len(turns) else None,
     )
     _require_inertia(path, model, n)

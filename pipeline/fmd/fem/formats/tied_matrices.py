@@ -67,11 +67,8 @@ def tie_matrices(model: SixUnknownsModel, deck: Connections) -> SixUnknownsModel
         arms = _carried(arms, own, _link(model, first), second, True)
         ties.give(np.concatenate([_moves(first), _turns(model, first)]), np.concatenate(list(map(_moves, others))), six)
     _follow_idle_turns(model, ties)
-    C, independent = ties.transformation()
-    if C.shape[0] == C.shape[1]:
-        return model
-    n_turning = int(np.count_nonzero(independent >= 3 * len(model.labels)))
-    return replace(model, T=sp.csr_array(model.T @ C), link_unknowns=n_turning, arms=arms)
+    C, _ = ties.transformation()
+    return model if C.shape[0] == C.shape[1] else replace(model, T=sp.csr_array(model.T @ C), arms=arms)
 
 
 def _follow_idle_turns(model: SixUnknownsModel, ties: Constraints) -> None:
