@@ -92,7 +92,7 @@ def say_what_lacks_tangents(plan: Plan) -> str:
     if not system.has_tangents:
         return "sampled controllers" if system.is_sampled else CONTACT
     if not plan.integrator.carries_tangent(system, [system]):
-        return f"{plan.integrator.name} of loops" if system.has_loops else str(plan.integrator.name)
+        return str(plan.integrator.name)
     return "shapes of bodies, or oscillators, that change with it"
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fmd.core.arrays import Array, IntArray
-from fmd.dynamics.system import accelerations, advance, fast_steps, freeze_slow
+from fmd.dynamics.system import accelerations, advance, fast_steps, freeze_slow, project_onto_constraints
 from fmd.integrators.fixed_step import begin_cycle, end_cycle, runs_away, sample_within, take_steps
 from fmd.integrators.march_tables import Samples
 from fmd.kernels.table import Table
@@ -80,4 +80,4 @@ def _sample_within(m: CyclesWithTangents, p: Any, done: int, s: float, q: Array,
 
 @end_cycle.register(CyclesWithTangents)
 def _end_cycle(m: CyclesWithTangents, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
-    pass
+    project_onto_constraints(p, (first + m.substeps) * m.h, m.substeps * m.h, m.q, m.v, m.a)

@@ -26,7 +26,16 @@ from fmd.dynamics.compiled_system.parameters import CompiledParameters, FrozenCy
 from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, copy, take_state
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, fast_steps, freeze_slow, velocities
-from fmd.integrators.adjoint import Sums, WeightedMarch, WeightedOutput, has_next, make_room, sections_back, take_back
+from fmd.integrators.adjoint import (
+    NotTakenBackError,
+    Sums,
+    WeightedMarch,
+    WeightedOutput,
+    has_next,
+    make_room,
+    sections_back,
+    take_back,
+)
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import State
 from fmd.integrators.subcycling import Subcycling
@@ -314,6 +323,8 @@ def _sum_slopes(
 def _take_march_back(method: Subcycling, march: WeightedMarch, sums: Sums) -> tuple[Array, Array, float]:
     if method.substeps == 1:
         return take_back(CentralDifference(method.step), march, sums)
+    if march.system.has_loops:
+        raise NotTakenBackError(f"{method.name} of loops")
     system, h, m, p = march.system, method.step, method.substeps, march.parameters
     output = march.locate_output(h)
     n_cycles = int(output.step[-1]) // m + 1

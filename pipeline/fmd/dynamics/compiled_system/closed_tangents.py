@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.newton import PROJECTIONS, STALLED
+from fmd.core.limits.round_off import ENLARGED
 from fmd.dynamics.compiled_system.closed import note_pushes, project_positions, project_rates, pull, push
 from fmd.dynamics.compiled_system.parameters import ClosedParameters, CompiledParameters, Leapfrog
 from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, copy, pulled, set_time, take_state
@@ -58,13 +59,14 @@ class ClosedTangentParameters(TangentParameters):
 
 
 @inner
-def _clear(x: Array) -> None:
+def clear(x: Array) -> None:
+    """Fill an array with zeros."""
     for i in range(x.size):
         x[i] = 0.0
 
 
 @inner
-def _advance_tangents(p: ClosedTangentParameters, q: Array, own: Array, h: float) -> None:
+def advance_tangents(p: ClosedTangentParameters, q: Array, own: Array, h: float) -> None:
     """Move the tangents of positions by h times ``rates`` about the motion's ``own`` positions; q's own stay."""
     copy(q, p.moved)
     copy(own[: p.n_positions], q[: p.n_positions])
@@ -116,7 +118,13 @@ def _leapfrog_step(
     else:
         _leap(p, leapfrog.v_now, t, h, q, v, a)
     set_time(p, float(t + h))
-    _close(p, q, v)
+    close_positions(p, q, v)
+    add_move(p, h, v, a)
+
+
+@inner
+def add_move(p: ClosedTangentParameters, h: float, v: Array, a: Array) -> None:
+    """Add what tangents of positions have moved by in a step h, ``rates``, to those of rates and accelerations."""
     for i in range(p.n_lines, v.size):
         v[i] += p.rates[i] / h
         a[i] += p.rates[i] / (h * h)
@@ -138,7 +146,7 @@ def _leap(p: ClosedTangentParameters, v_now: Array, t: float, h: float, q: Array
         a[i] = p.a_pulled[i]
         v[i] += h * a[i]
         p.rates[i] = v[i]
-    _advance_tangents(p, q, p.q_now, h)
+    advance_tangents(p, q, p.q_now, h)
 
 
 @inner
@@ -158,14 +166,14 @@ def _leap_and_turn(p: ClosedTangentParameters, v_now: Array, t: float, h: float,
         p.rates[i] = h * (p.a_pulled[i] - p.a_free[i])
         v[i] += p.rates[i]
         a[i] += p.rates[i] / h
-    _advance_tangents(p, q, p.q_ahead, h)
+    advance_tangents(p, q, p.q_ahead, h)
 
 
 @inner
 def _project_motion(p: ClosedTangentParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     """Project the motion's own step, and add the multipliers that have done it to those of its accelerations."""
     whole = p.own.whole
-    _clear(whole.total)
+    clear(whole.total)
     project_onto_constraints(p.own, t + h, h, q[: p.n_positions], v[: p.n], a[: p.n])
     for k in range(whole.total.size):
         p.multiplier[k] += whole.total[k] / (h * h)
@@ -173,10 +181,10 @@ def _project_motion(p: ClosedTangentParameters, t: float, h: float, q: Array, v:
 
 
 @inner
-def _close(p: ClosedTangentParameters, q: Array, v: Array) -> None:
+def close_positions(p: ClosedTangentParameters, q: Array, v: Array) -> None:
     """Bring the tangents of positions onto the constraints; ``rates`` has how far they have moved."""
     last = math.inf
-    _clear(p.rates)
+    clear(p.rates)
     copy(q, p.moved)
     for _ in range(2 * PROJECTIONS):
         last = _find_push(p, q, v, p.dg, last)
@@ -209,7 +217,7 @@ def _find_push(p: ClosedTangentParameters, q: Array, v: Array, wanted: Array, la
     widest = _find_changes(p, q, v, wanted)
     if widest == 0.0 or not widest < STALLED * last:
         return 0.0
-    _clear(p.a_free[: p.n])
+    clear(p.a_free[: p.n])
     for lane in range(LANES):
         _change_by(p, wanted, lane)
         for i in range(p.n):
@@ -249,30 +257,35 @@ def _project(p: ClosedTangentParameters, t: float, q: Array, v: Array) -> None:
     set_time(p, float(t))
     copy(q, p.q_now)
     copy(v, p.v_now)
-    _clear(whole.total)
+    clear(whole.total)
     project_positions(p.own, t, q[: p.n_positions], v[:n])
     copy(whole.total, p.multiplier)
-    _clear(whole.total)
+    clear(whole.total)
     project_rates(p.own, q[: p.n_positions], v[:n])
     copy(whole.total, p.other)
-    _move_by(p, p.multiplier)
-    _advance_tangents(p, q, p.q_now, 1.0)
-    _move_by(p, p.other)
+    move_by(p, p.multiplier)
+    advance_tangents(p, q, p.q_now, 1.0)
+    move_by(p, p.other)
     for i in range(first, v.size):
         v[i] += p.rates[i]
-    _close(p, q, v)
+    close_positions(p, q, v)
     _close_rates(p, q, v)
     whole.fresh[0] = 1.0
 
 
 @inner
-def _move_by(p: ClosedTangentParameters, multiplier: Array) -> None:
-    """Set ``rates`` to ``X λ`` and its tangents at fixed λ, at the state before a projection."""
+def move_by(p: ClosedTangentParameters, multiplier: Array) -> None:
+    """Set ``rates`` to ``X λ`` and its tangents at fixed λ, at the state before a projection.
+
+    Beside accelerations these are so small that round-off of variants would drown them.
+    """
     pull(p.own.whole, multiplier, p.rates[: p.n])
+    for k in range(p.w.size):
+        p.w[k] = ENLARGED * multiplier[k]
     _pull_anew(p, p.none, p.a_free)
-    _pull_anew(p, multiplier, p.a_pulled)
+    _pull_anew(p, p.w, p.a_pulled)
     for i in range(p.n_lines, p.rates.size):
-        p.rates[i] = p.a_pulled[i] - p.a_free[i]
+        p.rates[i] = (p.a_pulled[i] - p.a_free[i]) / ENLARGED
 
 
 @inner

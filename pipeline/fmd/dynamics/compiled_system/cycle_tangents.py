@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fmd.core.arrays import Array, IntArray
-from fmd.dynamics.compiled_system.parameters import FrozenCycle, TreeParameters
+from fmd.dynamics.compiled_system.parameters import ClosedCycle, CompiledParameters, FrozenCycle
 from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, copy, set_time, take_state
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import fast_steps, freeze_slow, velocities
@@ -32,8 +32,9 @@ class CycleTangents(Table):
     rates, if they are damped; or, where fast coordinates couple, the fast steps after the first.
     """
 
-    own: TreeParameters  # the motion's own
-    frozen: FrozenCycle
+    own: CompiledParameters  # the motion's own
+    cycle: FrozenCycle | ClosedCycle  # what it steps by
+    frozen: FrozenCycle  # its equation
     h: float
     slopes: int  # addresses of the compiled functions: second derivatives, and first ones of variants or 0
     beside: IntArray  # (32,)
@@ -66,7 +67,7 @@ class CycleTangents(Table):
 
 @freeze_slow.register(TangentParameters)
 def _freeze_slow(p: TangentParameters, t: float, q: Array, v: Array, a: Array, c: CycleTangents) -> None:
-    freeze_slow(c.own, t, q[: c.along_q.shape[1]], v[: p.n], a[: p.n], c.frozen)
+    freeze_slow(c.own, t, q[: c.along_q.shape[1]], v[: p.n], a[: p.n], c.cycle)
     copy(q, c.q)
     copy(v, c.v)
     copy(a, c.a)
@@ -78,7 +79,7 @@ def _freeze_slow(p: TangentParameters, t: float, q: Array, v: Array, a: Array, c
     if c.frozen.single:
         _take_shares(c)
     else:
-        _go_ahead(p, t, c)
+        go_ahead(p, t, c)
     _follow_slow_motion(p, c)
     for row in range(c.share.size):
         for i in range(p.n):
@@ -103,7 +104,7 @@ def _take_shares(c: CycleTangents) -> None:
 
 
 @inner
-def _go_ahead(p: TangentParameters, t: float, c: CycleTangents) -> None:
+def go_ahead(p: TangentParameters, t: float, c: CycleTangents) -> None:
     """Take the motion's own fast steps, and keep how far each has gone."""
     n, n_slow, h, q, v, a = p.n, c.frozen.n_slow, c.h, c.q_ahead, c.v_ahead, c.a_ahead
     offset = q.size - n
@@ -119,7 +120,7 @@ def _go_ahead(p: TangentParameters, t: float, c: CycleTangents) -> None:
         for i in range(n_slow, n):
             c.along_q[row, i + offset] = q[i + offset] - c.q[i + offset]
             c.along_v[row, i] = v[i] + 0.5 * h * a[i] - c.v[i]
-        fast_steps(c.own, c.frozen, first + row + 1, h, 1, q, v, a)
+        fast_steps(c.own, c.cycle, first + row + 1, h, 1, q, v, a)
         for i in range(n_slow, n):
             c.along_a[row, i] = a[i] - c.a[i]
         set_time(p, (first + row + 1) * h)
@@ -202,7 +203,7 @@ def _fast_steps(
         for i in range(v.size):
             c.middle[i] = v[i] + 0.5 * h * a[i]
         copy(q, c.q_ahead)
-        fast_steps(c.own, c.frozen, first + step, h, 1, q[:n_positions], v[: p.n], a[: p.n])
+        fast_steps(c.own, c.cycle, first + step, h, 1, q[:n_positions], v[: p.n], a[: p.n])
         if c.frozen.driven.size:
             set_time(p, t)
         if c.frozen.single:

@@ -10,7 +10,7 @@ from fmd.core.limits.round_off import NO_TURN, SMALL_TURN
 from fmd.dynamics.compiled_system.kernels import quaternion_rate, take_leap
 from fmd.dynamics.compiled_system.parameters import Leapfrog
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.system import accelerations, advance, leapfrog_step, velocities
+from fmd.dynamics.system import accelerations, advance, leapfrog_step, project_onto_constraints, velocities
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.table import Table
 from fmd.kernels.vectors import call_native
@@ -140,6 +140,11 @@ def _set_inputs(p: TangentParameters, t: float) -> None:
 @leapfrog_step.register(TangentParameters)
 def _leapfrog_step(p: TangentParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     take_leap(p, leapfrog, t, h, q, v, a)
+
+
+@project_onto_constraints.register(TangentParameters)
+def _close_nothing(p: TangentParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    pass
 
 
 @advance.register(TangentParameters)

@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.dynamics.compiled_system.closed_cycle_tangents import ClosedCycleTangents
 from fmd.dynamics.compiled_system.closed_tangents import ClosedTangentParameters
 from fmd.dynamics.compiled_system.cycle_tangents import CycleTangents
-from fmd.dynamics.compiled_system.parameters import ClosedParameters, FrozenCycle, Leapfrog, TreeParameters
+from fmd.dynamics.compiled_system.parameters import ClosedCycle, ClosedParameters, Leapfrog
 from fmd.dynamics.compiled_system.shared import lift_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, TangentParameters
@@ -198,11 +199,10 @@ class TangentSystem(PlainSystem):
         )
 
     def cycle_tangents(self, h: float, count: int) -> CycleTangents:
-        """Fresh storage for a major cycle of so many fast steps h [s]; its mechanism has no loops."""
+        """Fresh storage for a major cycle of so many fast steps h [s]."""
         system, own = self._system, self._system.parameters
-        frozen = system.frozen(count * h)
-        assert isinstance(own, TreeParameters)
-        assert isinstance(frozen, FrozenCycle)
+        cycle = system.frozen(count * h)
+        frozen = cycle.middle.frozen if isinstance(cycle, ClosedCycle) else cycle
         n, n_positions, n_inputs = system.n, system.n_positions, own.inputs.size
         fast = np.arange(system.n_slow, n)
         rows = 2 + frozen.driven.size + int(frozen.damped) if frozen.single else count - 1
@@ -224,12 +224,21 @@ class TangentSystem(PlainSystem):
         room |= {name: np.zeros(self.n_positions) for name in ("moved", "q")}
         room |= {name: np.zeros((size, LANES)) for name, size in (("dq", n_positions), ("dv", n), ("f", n), ("x", n))}
         room |= {f"lanes_{name}": np.zeros((size, LANES)) for name, size in sizes.items()}
-        return CycleTangents(
+        kind: Any = CycleTangents
+        if isinstance(own, ClosedParameters):
+            kind, n_rows = ClosedCycleTangents, own.w.size
+            room |= {name: np.zeros(n_rows) for name in ("still", "along_f", "w")}
+            room |= {name: np.zeros(size) for name, size in (("z", n), ("none", n), ("none_q", n_positions))}
+            room |= {name: np.zeros((size, LANES)) for name, size in (("at_rest", n_rows), ("of_z", n), ("du", n))}
+            room |= {name: np.zeros((n_positions, LANES)) for name in ("of_moved", "dw")}
+            room |= {"moved_z": np.zeros(n_positions), "rate": np.zeros(self.n), "a_later": np.zeros(self.n)}
+        found: CycleTangents = kind(
             **room,
             own=own,
+            cycle=cycle,
             frozen=frozen,
             h=h,
-            slopes=system.compiled.address("second_slopes"),
+            slopes=system.compiled.address("closed_slopes" if kind is ClosedCycleTangents else "second_slopes"),
             beside=beside,
             share=share,
             columns=np.zeros((rows, n, LANES)),
@@ -239,6 +248,7 @@ class TangentSystem(PlainSystem):
             v_ahead=np.zeros(n),
             a_ahead=np.zeros(n),
         )
+        return found
 
 
 def tabulate_variants(system: CompiledSystem, directions: Sequence[Direction]) -> MechanismVariants:

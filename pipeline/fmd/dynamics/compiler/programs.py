@@ -188,12 +188,13 @@ def _inertia(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return _in_order_of_rates(inputs.mechanism, "dr", trace_tangents(inputs, unloaded, ("a",)))
 
 
-def _second_slopes(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    """Derivatives of the residual's slope along one direction, by the state and by slow motion in that direction."""
-    graph, residual = inputs.graph, trace_residual(inputs, frames)
-    along = direction_inputs(graph, (*_STATE, "a"), "along_")
-    first = differentiate(graph, flatten(residual), along)
-    seeds = direction_inputs(graph, (*_STATE, "a", "along_q", "along_v"))
+def _second_slopes(
+    inputs: Coordinates, frames: list[MovingFrame], of: tuple[str, ...], by: tuple[str, ...]
+) -> list[Output]:
+    """Derivatives of the residual's slope along one direction, by some arguments and by that direction's motion."""
+    graph, residual = inputs.graph, trace_residual(inputs, frames, _acting(inputs, frames) if "f" in of else None)
+    first = differentiate(graph, flatten(residual), direction_inputs(graph, of, "along_"))
+    seeds = direction_inputs(graph, (*by, "along_q", "along_v"))
     second = unflatten(differentiate(graph, first, seeds), residual)
     return _in_order_of_rates(inputs.mechanism, "dr", second)
 
@@ -348,7 +349,14 @@ DEFINITIONS = {
     ),
     "residual": Definition((*_STATE, "a", "r"), _residual, seldom=True),
     "tangents": Definition((*_STATE, "a", *_DIRECTIONS), _by("inputs", "q", "v", "a"), lanes=_DIRECTIONS, seldom=True),
-    "second_slopes": Definition((*_SLOPE, *_FURTHER), _second_slopes, lanes=_FURTHER),
+    "second_slopes": Definition(
+        (*_SLOPE, *_FURTHER), partial(_second_slopes, of=(*_STATE, "a"), by=(*_STATE, "a")), lanes=_FURTHER
+    ),
+    "closed_slopes": Definition(
+        (*_STATE, "a", "f", *(f"along_{name}" for name in ("q", "v", "a", "f")), *_ALONG, *_FURTHER[-3:]),
+        partial(_second_slopes, of=("q", "v", "a", "f"), by=_STATE),
+        lanes=(*_ALONG, *_FURTHER[-3:]),
+    ),
     "slope_adjoint": Definition(
         (*_SLOPE, "x", *(f"{name}_adjoint" for name in _SLOPE)), partial(trace_slope_adjoint, of=_SLOPE)
     ),
