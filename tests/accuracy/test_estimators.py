@@ -101,11 +101,11 @@ def test_a_longer_step_without_a_solution_gives_way_to_half_of_the_step(monkeypa
     estimates.motion = replace(estimates.motion, trajectory=replace(estimates.motion.trajectory, seconds=10.0))
     steps = []
 
-    def refuse_longer(self: Estimates, other: Pipeline, plan: Any, work: float = 1.0) -> Any:
+    def refuse_longer(self: Estimates, other: Pipeline, plan: Any) -> Any:
         steps.append(plan.integrator.step)
         if steps[-1] > estimates.plan.integrator.step:
             raise AccuracyError("Newton's iteration did not converge")
-        return march(self, other, plan, work)
+        return march(self, other, plan)
 
     monkeypatch.setattr(Estimates, "march", refuse_longer)
     expected = {name: part for name, part in budget().items() if isinstance(part, float)}

@@ -1,5 +1,6 @@
 """The time limit of an error budget."""
 
+import math
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
@@ -36,7 +37,7 @@ BEAM = [
 
 
 def test_what_would_take_longer_than_is_left_is_refused() -> None:
-    limit = TimeLimit(10.0, started=time_limit.clock())
+    limit = TimeLimit(10.0)
     limit.require(5.0)
     with pytest.raises(LeftOutError, match="it would take longer than the time limit of 10 s"):
         limit.require(20.0)
@@ -45,12 +46,12 @@ def test_what_would_take_longer_than_is_left_is_refused() -> None:
 
 def test_a_march_that_will_not_end_in_time_is_stopped_by_its_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
-    monkeypatch.setattr(time_limit, "clock", lambda: now[0])
-    limit = TimeLimit(10.0, started=time_limit.clock())
+    monkeypatch.setattr(time_limit, "read_clocks", lambda: (now[0], now[0]))
+    limit = TimeLimit(10.0)
     advance = limit.watch()
     now[0] = 1.0
     advance(1e-5)  # it was compiled
-    limit, now[0] = TimeLimit(10.0, started=0.0), 0.0
+    limit, now[0] = TimeLimit(10.0, started=(0.0, 0.0)), 0.0
     advance = limit.watch()
     advance(0.0)
     now[0] = 1.0
@@ -58,6 +59,30 @@ def test_a_march_that_will_not_end_in_time_is_stopped_by_its_progress(monkeypatc
     now[0] = 2.0
     with pytest.raises(LeftOutError, match="it would take longer than the time limit of 10 s"):
         advance(0.05)
+
+
+def test_seconds_in_which_others_use_the_machine_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As little do those of several threads that work at once."""
+    clocks = [0.0, 0.0]
+    monkeypatch.setattr(time_limit, "read_clocks", lambda: tuple(clocks))
+    limit = TimeLimit(10.0)
+    for clocks[0], clocks[1] in ((60.0, 2.0), (2.0, 60.0)):
+        limit.require(7.0)
+    clocks[:] = 20.0, 11.0
+    with pytest.raises(LeftOutError, match="time limit"):
+        limit.require(0.0)
+
+
+def test_a_march_is_forecast_by_its_steps_and_by_those_that_the_first_of_its_method_took() -> None:
+    """One in a quarter of the steps was taken for as long as the first."""
+    run = Pipeline(load_scene("beam-paper", [*BEAM, "simulation.run=[{integrator='central-difference'}]"]), Cache(None))
+    motion = run.fine_motion
+    run.results[Pipeline.fine_motion.name] = replace(motion, trajectory=replace(motion.trajectory, seconds=3.0))
+    of = Comparison(run, TimeLimit(10.0))
+    method: Any = of.plan.integrator
+    of.march(run, replace(of.plan, integrator=replace(method, step=method.step / 2)))
+    with pytest.raises(LeftOutError, match="time limit"):
+        of.march(run, replace(of.plan, integrator=replace(method, step=method.step / 4)))
 
 
 def test_a_budget_without_time_names_what_it_left_out_and_is_not_kept(tmp_path) -> None:
@@ -102,9 +127,9 @@ def test_a_richer_basis_whose_short_steps_will_not_end_in_time_is_marched_by_lon
     run.results[Pipeline.fine_motion.name] = replace(motion, trajectory=replace(motion.trajectory, seconds=900.0))
     estimates, marched = Estimates(run, TimeLimit(1000.0)), []
 
-    def march(other: Pipeline, plan: Plan, work: float = 1.0) -> Motion:
+    def march(other: Pipeline, plan: Plan) -> Motion:
         marched.append(plan.integrator.name)
-        return Comparison.march(estimates, other, plan, work)
+        return Comparison.march(estimates, other, plan)
 
     monkeypatch.setattr(estimates, "march", march)
     assert all(isinstance(error, float) for error in estimates._truncation().values())
@@ -121,7 +146,7 @@ def test_steps_that_do_not_follow_what_a_richer_basis_changes_are_halved(
     """
     steps: list[float] = []
 
-    def by_steps(of: Any, rich: Any, as_if: Any, method: GeneralizedAlpha, work: float) -> truncation.BasisComparison:
+    def by_steps(of: Any, rich: Any, as_if: Any, method: GeneralizedAlpha) -> truncation.BasisComparison:
         steps.append(method.step)
         values = (np.array([1.0]), np.array([1.0 + exact + of_step * method.step**2]))
         ours, theirs = ({"momentum": Quantity("momentum", "kg m/s", value)} for value in values)
@@ -220,7 +245,7 @@ def test_the_time_limit_ends_a_search_for_a_periodic_start(monkeypatch: pytest.M
     """Each look at the clock takes a second; the search, of a dozen marches, has three."""
     run = Pipeline(load_scene("slider-crank", CRANK), Cache(None))
     ticks = count()
-    monkeypatch.setattr(time_limit, "clock", lambda: float(next(ticks)))
+    monkeypatch.setattr(time_limit, "read_clocks", lambda: (float(next(ticks)), math.inf))
     limit = TimeLimit(3.0)
     with interrupted_by(partial(limit.require, 0.0)), pytest.raises(LeftOutError):
         _ = run.periodic

@@ -37,8 +37,10 @@ class Comparison:
         self.motion = run.motion
         self._first = next(iter(run.plans.values()))
         self.plan = repeat_choice(self._first, self.motion.trajectory)  # by the method that a choice ended with
-        # Of the first march by each kind of method [s].
-        self._seconds: dict[type, float] = {type(self.plan.integrator): run.fine_motion.trajectory.seconds}
+        # Of the first march by each kind of method: the method, and the seconds that it took.
+        self._marched: dict[type, tuple[Integrator, float]] = {
+            type(self.plan.integrator): (self.plan.integrator, run.fine_motion.trajectory.seconds)
+        }
         self.frames: IntArray = np.arange(0)
         self.corrections: dict[str, float] = {}  # what finer computations add to values so far
         self.of_mesh = mesh_quantities(run)
@@ -157,17 +159,24 @@ class Comparison:
             self.hot[name] = np.flatnonzero(values.max(axis=0) >= limits.HOT * values.max())
         self.frames = np.unique(np.concatenate(frames))
 
-    def march(self, other: Pipeline, plan: Plan, work: float = 1.0) -> Motion:
-        """Integrate a plan of a variant at the run's fine times, in about ``work`` times the first march's run time.
+    def _forecast(self, method: Any) -> float:
+        """Forecast the seconds of a march by the steps, or the tolerance, of the first one by this kind of method."""
+        before: Any
+        before, seconds = self._marched.get(type(method), (method, 0.0))
+        if method.step:
+            return float(seconds * before.step / method.step)
+        return seconds * limits.FINER_WORK if method.tolerance < before.tolerance else seconds
+
+    def march(self, other: Pipeline, plan: Plan) -> Motion:
+        """Integrate a plan of a variant at the run's fine times.
 
         Raises
         ------
         LeftOutError
             It would take longer than the time limit leaves.
         """
-        kind = type(plan.integrator)
-        self.limit.require(work * self._seconds.get(kind, 0.0))
-        times = self.run.fine_times[0]
+        self.limit.require(self._forecast(plan.integrator))
+        times, begun = self.run.fine_times[0], self.limit.spent
         try:
             trajectory = plan.march(times, self.limit.watch())
         except StabilityError:  # the variant is unlike the run: one that chooses anew may find a way
@@ -176,7 +185,8 @@ class Comparison:
                 raise
             plan = replace(plan, integrator=self._first.integrator)
             trajectory = plan.march(times, self.limit.watch())
-        self._seconds.setdefault(kind, trajectory.seconds)
+        seconds = min(trajectory.seconds, self.limit.spent - begun)
+        self._marched.setdefault(type(plan.integrator), (plan.integrator, seconds))
         return other.motion_by(plan, trajectory)
 
 

@@ -118,12 +118,12 @@ class Estimates(Comparison):
         for _ in range(limits.MOST_REFINEMENTS):
             integrator, gain = change_fineness(plan, self.motion.trajectory.seconds)
             try:
-                other = self.march(self.run, replace(plan, integrator=integrator), limits.FINER_WORK)
+                other = self.march(self.run, replace(plan, integrator=integrator))
             except AccuracyError:
                 if not integrator.step > plan.integrator.step:
                     raise
                 integrator, gain = change_fineness(plan, 0.0)  # a longer step has no solution
-                other = self.march(self.run, replace(plan, integrator=integrator), limits.FINER_WORK)
+                other = self.march(self.run, replace(plan, integrator=integrator))
             plan = replace(plan, integrator=integrator)
             at_outputs = self.at_outputs(other.trajectory)
             if not np.array_equal(at_outputs.q, self.motion.trajectory.q):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -16,13 +17,17 @@ from fmd.core.progress import interrupted_by
 
 FAULTS = (AccuracyError, InputError, np.linalg.LinAlgError)
 """Errors of a variant of a run that leave an estimate out; the run itself has its results."""
-clock = time.perf_counter  # a benchmark on a machine that others use may count processor seconds instead
 TIME_IS_SHORT = "it would take longer than the time limit of"
 """Words of an estimate that the time limit left out; without figures of its own, so that a reason is said once."""
 
 
-def _read_clock() -> float:
-    return clock()
+def read_clocks() -> tuple[float, float]:
+    """Return the seconds of the clock, and those that this process and its children have worked."""
+    return time.perf_counter(), time.process_time() + sum(os.times()[2:4])
+
+
+def _start() -> tuple[float, float]:
+    return read_clocks()
 
 
 class LeftOutError(Exception):
@@ -34,12 +39,12 @@ class TimeLimit:
     """Clock of an error budget, which knows how much time is left."""
 
     seconds: float = math.inf  # time for all estimates together [s]; infinite by default
-    started: float = field(default_factory=_read_clock)  # when the clock was started [s]
+    started: tuple[float, float] = field(default_factory=_start)  # when the clocks were started [s]
 
     @property
     def spent(self) -> float:
-        """Time since the start [s]."""
-        return clock() - self.started
+        """Time since the start [s]: by the clock, or of the processor where that is less, as others use the machine."""
+        return min(now - start for now, start in zip(read_clocks(), self.started, strict=True))
 
     def require(self, seconds: float) -> None:
         """Raise ``LeftOutError`` if a computation would take more seconds than are left."""
@@ -59,7 +64,7 @@ class TimeLimit:
         first: list[tuple[float, float]] = []
 
         def advance(done: float) -> None:
-            now = clock()
+            now = self.spent
             if not first or done < first[0][1]:  # another march of the same method
                 first[:] = [(now, done)]
             taken, part = now - first[0][0], done - first[0][1]

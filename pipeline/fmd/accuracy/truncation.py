@@ -108,7 +108,7 @@ def _by_implicit_steps(of: Comparison, tried: list[tuple[Pipeline, dict[str, Arr
         rich, as_if = tried[k % len(tried)]
         halved = replace(method, step=method.step / 2 ** (k // len(tried)))
         try:
-            found = _by_steps(of, rich, as_if, halved, limits.FINER_WORK if k >= len(tried) else 1.0)
+            found = _by_steps(of, rich, as_if, halved)
         except (LeftOutError, AccuracyError) as fault:
             if k + 1 == limits.MOST_REFINEMENTS * len(tried):
                 raise
@@ -119,7 +119,7 @@ def _by_implicit_steps(of: Comparison, tried: list[tuple[Pipeline, dict[str, Arr
     while True:
         begun, halved = of.limit.spent, replace(halved, step=halved.step / 2)
         try:
-            finer = _by_steps(of, rich, as_if, halved, limits.FINER_WORK)
+            finer = _by_steps(of, rich, as_if, halved)
             before, after = (of.changes(each.enriched, each.ours) for each in (found, finer))
             found = replace(finer, unresolved={name: max(part - before[name], 0.0) for name, part in after.items()})
             if all(
@@ -132,13 +132,11 @@ def _by_implicit_steps(of: Comparison, tried: list[tuple[Pipeline, dict[str, Arr
             return found
 
 
-def _by_steps(
-    of: Comparison, rich: Pipeline, as_if: dict[str, Array], method: GeneralizedAlpha, work: float
-) -> BasisComparison:
+def _by_steps(of: Comparison, rich: Pipeline, as_if: dict[str, Array], method: GeneralizedAlpha) -> BasisComparison:
     """Compare the run with a richer basis, both by the same implicit steps."""
     beside, ours = of.beside
     plan = _begin_alike(of, rich, replace(of.plan, integrator=method))
-    theirs = of.march(rich, plan_like(plan, rich), work)
+    theirs = of.march(rich, plan_like(plan, rich))
     if of.run.scene.repeats or method != beside.integrator:
         again = of.quantities_of(of.run, of.march(of.run, plan))
         ours = {name: quantity for name, quantity in again.items() if name in ours}
@@ -180,7 +178,7 @@ def _is_resolved(
     rows = [name for name in changes if name not in of.details and changes[name] > limits.DOUBTED]
     if not rows or not plan.integrator.step:
         return True
-    finer = of.march(rich, replace(plan, integrator=change_fineness(plan, 0.0)[0]), limits.FINER_WORK)
+    finer = of.march(rich, replace(plan, integrator=change_fineness(plan, 0.0)[0]))
     again = of.changes(of.quantities_of(rich, finer, as_if=as_if or None), enriched)
     return all(again[name] < limits.RESOLVED_PART * changes[name] for name in rows)
 
