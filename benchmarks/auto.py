@@ -30,6 +30,7 @@ from truth_scenes import random_case
 from fmd import Pipeline, load_scene
 from fmd.core.cache import Cache
 from fmd.core.errors import AccuracyError, InputError
+from fmd.core.limits.errors import SAFETY
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators.automatic import Automatic
 from fmd.integrators.central_difference import CentralDifference
@@ -200,7 +201,9 @@ def judge_error(scene: Scene) -> ErrorRow | None:
     if exact.integrator.startswith("auto") or found.error is None:
         return None
     method = _name_method(found)
-    return ErrorRow(scene.name, method, scene.auto.error, found.error, scene.error(found, exact), found.evaluations)
+    return ErrorRow(
+        scene.name, method, scene.auto.error, SAFETY * found.error, scene.error(found, exact), found.evaluations
+    )
 
 
 def _name_method(found: Trajectory) -> str:

@@ -93,6 +93,15 @@ def test_the_error_of_auto_is_that_which_the_budget_finds(module: Any, tmp_path:
     assert not [each for each in summary["warnings"] if each["code"] == "integration-error"]
 
 
+def test_a_run_without_a_budget_states_an_error_of_auto_that_holds_the_true_one() -> None:
+    """Two marches of a plate that rings told a fifth of it: steps that don't follow its vibrations gain little."""
+    run = Pipeline(load_scene("plate", ["simulation.duration=20 ms"]))
+    found = run.motion.trajectory
+    exact = RungeKutta(1e-8).march(run.system, *run.start, found.times)
+    stated = summarise(run, [], budget=False)["integrations"][0]["error"]
+    assert 1 < stated / motion_difference(run.system, found.q, found.v, exact) < 4
+
+
 def test_a_run_whose_two_marches_missed_the_same_is_warned_of() -> None:
     run = Pipeline(load_scene("rod-slider", ['simulation.run=[{integrator="auto"}]']))
     budget = Budget((), integration=5 * run.scene.simulation.error)

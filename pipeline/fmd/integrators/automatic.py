@@ -38,8 +38,8 @@ _FINER: dict[type, float] = {
     ExponentialRosenbrock: 0.1,
 }  # tolerance over the one before
 _GAINS = {
-    PiecewiseExponential.name: Gain(3.0, 0.0, math.inf),
-    RungeKutta.name: Gain(5.0, 3.0, 30.0),
+    PiecewiseExponential.name: Gain(4.0, 0.0, math.inf),
+    RungeKutta.name: Gain(9.0, 3.0, 60.0),  # steps that the tolerance bounds fall by more than their mean
     ExponentialRosenbrock.name: Gain(3.0, 1.0, 6.0),
     CentralDifference.name: Gain(1.8, 0.0, 1.0, 0.7),
     GeneralizedAlpha.name: Gain(1.8, 0.0, 1.0, 0.7),
@@ -356,6 +356,7 @@ class Automatic(Integrator):
 
 
 def _gain(coarse: Trajectory, system: System) -> Gain:
-    if coarse.integrator == RungeKutta.name and system.highest_frequency * coarse.step > limits.RESOLVED:
+    follows = coarse.integrator in (RungeKutta.name, PiecewiseExponential.name)
+    if follows and system.highest_frequency * coarse.step > limits.RESOLVED:
         return Gain(limits.UNRESOLVED_ORDER, limits.UNRESOLVED_LEAST, limits.UNRESOLVED_MOST)
     return _GAINS[coarse.integrator]

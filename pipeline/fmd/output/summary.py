@@ -188,7 +188,7 @@ def _integrations(run: Pipeline) -> list[dict[str, Any]]:
             "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds if compared else None,
             "evaluations": motion.trajectory.evaluations,
             "fast_evaluations": motion.trajectory.fast_evaluations,
-            "error": motion.trajectory.error,
+            "error": motion.trajectory.error and SAFETY * motion.trajectory.error,
             "growth": run.plans[label].growth,
             "part_over_plain": run.plans[label].over_plain,
             "largest_stable_step_s": limit if np.isfinite(limit) else None,

@@ -92,9 +92,10 @@ NEARLY = 1.25  # times as many steps: of the finer of two marches of second orde
 SHORTER_STEPS = 1.5  # times as many steps, where stable ones of the reference state weren't
 COMPARED_TIMES = 100  # output times at which two marches are compared, at least
 WORTH_A_CORE = 1.5e7  # operations of a march, beside which another thread's start is short
-RESOLVED = 4.0  # radians of the highest frequency in a step of the Runge-Kutta method
-# Of longer ones, in which the fastest vibrations die away: the power of the step with which the error is believed to
-# fall, in place of 5, and the least and the most of how far it is below the difference to a coarser march.
+RESOLVED = 4.0  # radians of the highest frequency in a step of the Runge-Kutta and the exponential method
+# Of longer ones, in which the fastest vibrations die away or aren't followed: the power of the step with which the
+# error is believed to fall, in place of 5 and 4, and the least and the most of how far it is below the difference to a
+# coarser march.
 UNRESOLVED_ORDER, UNRESOLVED_LEAST, UNRESOLVED_MOST = 1.2, 0.7, 4.0
 
 # Pairs of marches.
