@@ -169,3 +169,14 @@ def test_reactions_of_a_loop_are_not_mended_by_forces_that_round_off_makes() -> 
         assert errors[name] == OTHER_LOOPS
         assert name not in estimates.corrections
     assert float(errors["slider.pin.acceleration"]) < 0.02
+
+
+def test_a_row_holds_the_peak_between_output_times_that_the_warning_tells(tmp_path: Path) -> None:
+    """A beam that rings, at seven output times, against the same motion at all of them."""
+    coarse = Pipeline(load_scene("beam-paper", [*QUICK, "simulation.output_step=1.7 ms"]), Cache(None))
+    dense = detail_quantities(coarse.scene, coarse.fine_motion)["beam.tip.acceleration"]
+    row = next(row for row in state_errors(coarse).details if row.name == "beam.tip.acceleration")
+    assert row.value < 0.97 * dense.scale
+    assert dense.scale <= row.better - row.correction < 1.05 * dense.scale
+    assert row.interval is not None
+    assert row.interval[0] <= row.value < dense.scale <= row.interval[1]

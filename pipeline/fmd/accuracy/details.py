@@ -58,7 +58,7 @@ def detail_quantities(scene: Scene, motion: Motion) -> Quantities:
     chosen = choose_frames(len(motion.times), COMPARED_TIMES)
     given = motion.trajectory
     part = replace(motion, trajectory=replace(given, times=given.times[chosen], q=given.q[chosen], v=given.v[chosen]))
-    found = (_quantity(variable) for variable in _variables(scene, part))
+    found = (_quantity(variable) for variable in detail_variables(scene, part))
     return {quantity.name: quantity for quantity in found if quantity is not None}
 
 
@@ -93,7 +93,7 @@ def row_name(variable: str) -> str:
     return _SAME.get(variable, variable)
 
 
-def _variables(scene: Scene, motion: Motion) -> Iterator[Variable]:
+def detail_variables(scene: Scene, motion: Motion) -> Iterator[Variable]:
     """Return the variables of ``motion.nc``, and what histories add to them."""
     yield from (variable for variable in motion_variables(motion) if variable.name not in _SAME)
     yield from reaction_variables(motion, tuple(scene.joint), in_body=False)
@@ -122,6 +122,11 @@ def _quantity(variable: Variable) -> Quantity | None:
         return None
     if variable.dims == ("quaternion",):
         return OrientationQuantity(name, "rad", values)
-    of_place = name == "centre_of_mass" or name.rpartition(".")[2] in ("position", "origin")
-    kind = PlaceQuantity if of_place and variable.dims == ("axis",) else Quantity
+    kind = PlaceQuantity if is_place(variable) else Quantity
     return kind(name, variable.units, values)
+
+
+def is_place(variable: Variable) -> bool:
+    """Return true for a place in space, whose error is a share of how far it moves."""
+    of_place = variable.name == "centre_of_mass" or variable.name.rpartition(".")[2] in ("position", "origin")
+    return of_place and variable.dims == ("axis",)

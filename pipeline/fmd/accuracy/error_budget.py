@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_LIMIT, NO_PART, SOURCES, Row
+from fmd.accuracy.missed_peaks import largest_between
 from fmd.accuracy.ply_stress import PLY_ROWS, ply_row
 from fmd.accuracy.requested_stress import EXTREMES, request_key
 from fmd.accuracy.time_limit import TimeLimit
@@ -103,6 +104,7 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
     }
     rows: list[Row] = []
     details: list[Row] = []
+    largest = largest_between(run)
     for name, quantity in estimates.quantities.items():
         parts = {source: by_source.get(source, {}).get(name, NO_PART) for source in SOURCES}
         if name in estimates.model.missing:
@@ -116,7 +118,8 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
         over_time = not (quantity.largest or name in estimates.of_mesh)
         correction = estimates.corrections.get(name, 0.0)
         kind = details if name in estimates.details else rows
-        kind.append(Row(name, quantity.unit, quantity.scale, over_time, parts, correction))
+        between = max(largest.get(name, 0.0) - quantity.scale, 0.0) if quantity.scale else 0.0
+        kind.append(Row(name, quantity.unit, quantity.scale, over_time, parts, correction, between))
     causes, left_out = tuple(estimates.model.causes), tuple(estimates.left_out)
     return Budget(
         tuple(_join_pieces(rows)),

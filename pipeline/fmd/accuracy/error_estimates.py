@@ -119,11 +119,12 @@ class Row:
     # Relative error by each source, or in words why there is no estimate: `NO_PART`, or what it would take.
     parts: dict[str, float | str]
     correction: float = 0.0  # what finer computations add to the value
+    between: float = 0.0  # what many more times than the outputs add to it
 
     @property
     def better(self) -> float:
-        """Value with all corrections by finer computations."""
-        return max(self.value + self.correction, 0.0)
+        """Value with all corrections by finer computations, also between output times."""
+        return max(self.value + self.between + self.correction, 0.0)
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -134,14 +135,15 @@ class Row:
         """
         if self.why:
             return None
-        size, moved = max(self.value, self.better), abs(self.better - self.value)
+        largest = self.value + self.between
+        size, moved = max(largest, self.better), abs(self.better - largest)
         half = max(self.total * size - moved, moved)
-        return max(self.better - half, 0.0), self.better + half
+        return max(min(self.value, self.better - half), 0.0), self.better + half
 
     @property
     def size(self) -> float:
-        """Stated error in the quantity's own unit: a share of its larger value, the run's or the better one."""
-        return self.total * max(self.value, self.better)
+        """Stated error at output times in the quantity's unit: a share of its larger value, the run's or the better."""
+        return self.total * max(self.value, self.value + self.correction)
 
     def summary(self) -> dict[str, Any]:
         """Return the row as plain numbers and texts."""

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.accuracy.details import round_off_sizes
+from fmd.accuracy.details import detail_variables, is_place, round_off_sizes
+from fmd.accuracy.requested_stress import EXTREMES
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.limits.recovery import MISSED_PEAK
 from fmd.recovery.motion_file import OF_FORMULA, Variable
+from fmd.recovery.stress import von_mises
 from fmd.stages.plan import is_long_again
 
 if TYPE_CHECKING:
@@ -98,6 +100,33 @@ def find_missed_peaks(run: Pipeline, variables_of: Callable[[Motion], Iterable[V
     for peak in found.values():
         peak.nothing = least.get(peak.unit, 0.0)
     return found
+
+
+def largest_between(run: Pipeline) -> dict[str, float]:
+    """Return the largest sizes of rows of the budget with those between output times, where these are larger, by name.
+
+    Stress is that where it is largest at the output times. How far places are from where they started is no size.
+    """
+    stressed = {name: run.stress_of(name) for name, part in run.wholes.items() if part.has_stress and name in run.parts}
+    worst = {name: stress.worst()[1] for name, stress in stressed.items()}
+
+    def variables_of(motion: Motion) -> Iterator[Variable]:
+        for variable in detail_variables(run.scene, motion):
+            if variable.dims != ("quaternion",) and not is_place(variable):
+                yield variable
+        energies = zip(("kinetic energy", "potential energy"), motion.energies, strict=True)
+        yield from (Variable(name, values, (), "J", "") for name, values in energies)
+        yield from (stress_variable(run, body, node, motion) for body, node in worst.items())
+
+    peaks = find_missed_peaks(run, variables_of)
+    return {name: peak.at_outputs * (1.0 + peak.part) for name, peak in peaks.items() if 0.0 < peak.part < math.inf}
+
+
+def stress_variable(run: Pipeline, body: str, node: int, motion: Motion) -> Variable:
+    """Return a body's von Mises stress at a surface node over time, under the name of its largest one's row."""
+    stress = run.stress_of(body, motion)
+    values = von_mises((stress.modal[node] @ stress.q.T)[None])[0]
+    return Variable(f"{body}, {EXTREMES['von Mises']}", values, (), "Pa", "")
 
 
 def _sizes_of_loads(motion: Motion) -> Iterator[tuple[str, float]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.accuracy.missed_peaks import UNSOUGHT, MissedPeak, find_missed_peaks
+from fmd.accuracy.missed_peaks import UNSOUGHT, MissedPeak, find_missed_peaks, stress_variable
 from fmd.core.limits.recovery import APART, MISSED_PEAK
 from fmd.recovery.motion_file import Variable
 from fmd.recovery.stress import von_mises
@@ -29,9 +29,7 @@ def output_time_warnings(run: Pipeline, worst: Mapping[str, int]) -> list[dict[s
     """Return warnings about output times too far apart for a body's largest stress, at the node of a place."""
 
     def stress_of(motion: Motion) -> Iterator[Variable]:
-        for body, node in worst.items():
-            stress = run.stress_of(body, motion)
-            yield Variable(body, von_mises((stress.modal[node] @ stress.q.T)[None])[0], (), "Pa", "")
+        return (stress_variable(run, body, node, motion) for body, node in worst.items())
 
     peaks = find_missed_peaks(run, stress_of) if worst else {}
     if worst and not peaks:
@@ -42,7 +40,7 @@ def output_time_warnings(run: Pipeline, worst: Mapping[str, int]) -> list[dict[s
             "body": body,
             "text": f"{body}: its largest stress {say_output_step(run, missed)}",
         }
-        for body, missed in peaks.items()
+        for body, missed in zip(worst, peaks.values(), strict=True)
         if missed.part > MISSED_PEAK
     ]
 
