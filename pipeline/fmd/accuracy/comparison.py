@@ -165,7 +165,7 @@ class Comparison:
         before, seconds = self._marched.get(type(method), (method, 0.0))
         if method.step:
             return float(seconds * before.step / method.step)
-        return seconds * limits.FINER_WORK if method.tolerance < before.tolerance else seconds
+        return float(limits.FINER_WORK * seconds if method.tolerance < before.tolerance else seconds)
 
     def march(self, other: Pipeline, plan: Plan) -> Motion:
         """Integrate a plan of a variant at the run's fine times.
