@@ -148,7 +148,7 @@ class Row:
     def summary(self) -> dict[str, Any]:
         """Return the row as plain numbers and texts."""
         named = {"quantity": self.name, "value": self.value, "unit": self.unit, "over_time": self.over_time}
-        stated = {"total": None if self.why else self.total, "better": self.better}
+        stated = {"total": None if self.why else self.total, "better": self.better, "between": self.between}
         interval = {"interval": self.interval and [*self.interval]}
         return named | self.parts | stated | interval | ({"why": self.why} if self.why else {})
 
