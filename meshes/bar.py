@@ -1,7 +1,5 @@
 """Straight bars of rectangular section along x from 0, centred on y = z = 0."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

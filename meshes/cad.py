@@ -3,8 +3,6 @@
 Gmsh's OpenCASCADE may crash on a damaged file or never return; a separate process can be stopped.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Solids of a CAD file as parts of an assembly: names, volume, inertia, round faces, and a STEP file of each."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Process that reads a CAD file: its time, its silence and its one message."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import signal

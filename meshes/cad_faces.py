@@ -1,7 +1,5 @@
 """Triangles on the faces of a CAD file; its `main` is run in a process of its own."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 from pathlib import Path

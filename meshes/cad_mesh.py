@@ -1,7 +1,5 @@
 """Mesh of a CAD part as plain arrays, and its file, which needs no Gmsh to be read."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -6,8 +6,6 @@ A piece is of the midsurface where the solid's faces are half a thickness away o
 the middles of others are, and strips across walls are none.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import islice
 from typing import Any, NamedTuple

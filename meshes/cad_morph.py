@@ -1,7 +1,5 @@
 """Nodes of a CAD part's mesh carried along as its dimensions change, so that its elements stay the same."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

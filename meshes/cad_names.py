@@ -1,7 +1,5 @@
 """Solids and faces of a CAD file as Gmsh imports them, and their names: labels, colours, names in STEP."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

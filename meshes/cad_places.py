@@ -1,7 +1,5 @@
 """Names of a CAD part's faces by their places: flat ends such as ``xmin``, bores ``hole-1``, pins ``pin-1``."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Geometry as a script of Gmsh, with dimensions that a scene may set."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from collections.abc import Mapping

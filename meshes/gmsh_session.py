@@ -1,7 +1,5 @@
 """One Gmsh model at a time: silent, on one thread, read out as arrays and always closed."""
 
-from __future__ import annotations
-
 import signal
 import tempfile
 import threading

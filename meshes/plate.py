@@ -1,7 +1,5 @@
 """Midsurfaces of flat rectangular plates along x from 0, centred on y = 0."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

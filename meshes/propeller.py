@@ -11,8 +11,6 @@ sleeve c is its length, t the width of the seat, e = 1, k = 0, β = 90°, and th
 joint all of them pass smoothly to those of the blade.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any

@@ -1,7 +1,5 @@
 """Conversions of cells with edges along r, θ and z to tetrahedra and to second order."""
 
-from __future__ import annotations
-
 from itertools import permutations
 
 import numpy as np

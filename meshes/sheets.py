@@ -1,7 +1,5 @@
 """Midsurfaces of shells as plain arrays, without Gmsh."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ and beside it are rows from there to the bore. Sectors without a tooth of their 
 found on a grid of twice the elements' fineness, of which elements take every second point and the middles of sides.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Midsurfaces of round tubes around x, from 0."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ They are read from ``answers.toml``, from which ``docs/json.md`` is written, too
 against them.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import sys

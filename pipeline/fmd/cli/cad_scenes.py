@@ -1,7 +1,5 @@
 """Text of a scene for a part from CAD, with markers on two faces and a line for each other one that has a name."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

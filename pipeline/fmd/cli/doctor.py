@@ -1,7 +1,5 @@
 """``fmd doctor``: a check of the machine."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import sys

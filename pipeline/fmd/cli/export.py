@@ -1,7 +1,5 @@
 """``fmd export``: a flexible body, or the whole mechanism, for another program."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Annotated

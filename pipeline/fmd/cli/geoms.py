@@ -1,7 +1,5 @@
 """Geoms of an MJCF file: mass, centre and inertia of simple solids, and their shapes in pictures."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

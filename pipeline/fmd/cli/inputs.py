@@ -1,7 +1,5 @@
 """Objects that commands make of their options: a scene that is opened or solved, a quantity."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from contextlib import suppress

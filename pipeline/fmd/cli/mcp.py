@@ -1,7 +1,5 @@
 """``fmd mcp``: scenes as tools of an assistant, by the Model Context Protocol."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import sys

@@ -1,7 +1,5 @@
 """Attributes of an MJCF file: turns, those that the reader takes, that have no effect here, and that it refuses."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

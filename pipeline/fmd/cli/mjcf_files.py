@@ -1,7 +1,5 @@
 """Files of an MJCF model, one included in the other, and errors that name what is at fault in them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree
 

@@ -5,8 +5,6 @@ given in its parent's, its joints act in their order at places in the body's fra
 compiler says radian, and a body without ``inertial`` has the mass of its geoms.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """``fmd modes``: the natural frequencies of a part."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from fmd.cli.inputs import DEFAULTS, Options, read_quantity

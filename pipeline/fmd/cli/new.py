@@ -1,7 +1,5 @@
 """``fmd new``: a scene file to start from, written where the user wants it, also for a part from CAD."""
 
-from __future__ import annotations
-
 import json
 from importlib.resources import files
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Options that several commands share, and results as JSON."""
 
-from __future__ import annotations
-
 import json as json_format
 from pathlib import Path
 from typing import Annotated, Any

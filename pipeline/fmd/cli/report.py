@@ -1,7 +1,5 @@
 """``fmd report``: one web page of all results."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from fmd.cli.inputs import DEFAULTS, Options, settle

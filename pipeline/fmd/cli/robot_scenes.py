@@ -1,7 +1,5 @@
 """Text of a scene for a robot from a URDF or MJCF file, with what of the file it can't hold."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection, Iterable, Sequence
 from itertools import chain, count

@@ -1,7 +1,5 @@
 """Shapes of a robot's links in pictures of its scene, and those that pictures can't have."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path

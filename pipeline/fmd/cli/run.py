@@ -1,7 +1,5 @@
 """``fmd run``: a whole scene, and its results in the terminal."""
 
-from __future__ import annotations
-
 import math
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Entry point of ``fmd``: what else is loaded is loaded within reach of Ctrl-C."""
 
-from __future__ import annotations
-
 import atexit
 import gc
 import os

@@ -1,7 +1,5 @@
 """Points of a sweep in the terminal, and the results that are asked for of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Tables for the terminal that more than one command prints."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence

@@ -4,8 +4,6 @@ The file's conventions are those of its specification (wiki.ros.org/urdf/XML): S
 that carries it, rotations by roll, pitch and yaw about fixed axes, moments of inertia about the centre of mass.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar

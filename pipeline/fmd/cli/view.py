@@ -1,7 +1,5 @@
 """``fmd view``: a mechanism in the browser before and after it runs."""
 
-from __future__ import annotations
-
 import webbrowser
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Types of arrays, the permutation tensor, checks of shape and finite values, short texts of objects with arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, TypeVar

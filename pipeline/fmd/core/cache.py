@@ -5,8 +5,6 @@ neither a damaged entry nor one under another's name is taken. Nothing is pickle
 isn't used.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

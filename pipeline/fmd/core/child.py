@@ -4,8 +4,6 @@ It ends with its parent, keeps to a limit of memory, and then becomes the comman
 this package, ``module:function``, with the arguments behind it. Needs the standard library only.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import signal

@@ -1,7 +1,5 @@
 """Common units of mechanics, as pint has them: loading its registry takes longer than many a scene's whole run."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from decimal import Decimal

@@ -4,8 +4,6 @@ What is read may come from anywhere: no function is called by its name, and the 
 classes and named tuples of this package, with the fields and the kinds of values that they declare.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import sys

@@ -1,7 +1,5 @@
 """Files that are written whole or not at all, and work that one process at a time does."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import hashlib

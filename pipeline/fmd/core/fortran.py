@@ -1,7 +1,5 @@
 """Numbers as Fortran's programs write them, and as Nastran's cards have them."""
 
-from __future__ import annotations
-
 import re
 
 _LETTERLESS = re.compile(r"(?<=[\d.])([+-]\d+)$")

@@ -1,7 +1,5 @@
 """Numbers and tables as HTML for notebooks and reports."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from html import escape
 

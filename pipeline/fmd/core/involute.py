@@ -4,8 +4,6 @@ A place on an involute is given by its roll angle ``ε = tan α_y = √(r² − 
 here is that with y > 0. The fillet is the trochoid that the rounded corner of a basic rack cuts (ISO 53, ISO 6336-3).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

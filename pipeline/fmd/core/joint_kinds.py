@@ -6,8 +6,6 @@ joint, ``across 1`` and ``across 2`` complete a right-handed system with its axi
 a ``-`` before its name makes a direction the opposite one.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

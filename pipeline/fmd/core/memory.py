@@ -1,7 +1,5 @@
 """Memory that this process may still take, on the machine and within its container."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 # Limit, use, and pages of files, which make room when needed: in version 2 of Linux's control groups and in version 1.

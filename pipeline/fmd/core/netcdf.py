@@ -4,8 +4,6 @@ The layout is the classic format with 64-bit offsets (NetCDF Classic Format Spec
 of NetCDF knows, in the conventions of xarray: text as characters in UTF-8, NaN for a missing value.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Iterable, Sequence

@@ -4,8 +4,6 @@ A caller brings what has to vanish, the correction that its slopes ask for, and 
 themselves, without allocating anything, and share `settles`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar

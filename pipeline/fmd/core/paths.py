@@ -1,7 +1,5 @@
 """Folders of the user's cache and its kernels, and digests of the source code that name their content."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

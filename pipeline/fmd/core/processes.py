@@ -1,7 +1,5 @@
 """The one launcher of child processes: nothing in the working folder is imported, and none outlives its parent."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

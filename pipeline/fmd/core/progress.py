@@ -1,7 +1,5 @@
 """Progress of long tasks on standard error, a bar for each at a terminal, and how whoever waits for them ends them."""
 
-from __future__ import annotations
-
 import math
 import sys
 import threading

@@ -1,7 +1,5 @@
 """Values that a process keeps, of which those asked for last stay."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar

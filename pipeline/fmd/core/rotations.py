@@ -1,7 +1,5 @@
 """Rotations and frames of bodies at many states: matrices, rotation vectors and quaternions by NumPy."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

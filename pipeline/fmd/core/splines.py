@@ -1,7 +1,5 @@
 """Cubic splines through points; SciPy's would take longer to load than most scenes to read."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Literal
 

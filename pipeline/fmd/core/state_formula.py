@@ -1,7 +1,5 @@
 """Formulas of a mechanism's state in a scene, parsed into postfix programs like those of `fmd.core.formula`."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Collection
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Threads of the libraries that are loaded."""
 
-from __future__ import annotations
-
 import sys
 from contextlib import AbstractContextManager, nullcontext
 from functools import lru_cache

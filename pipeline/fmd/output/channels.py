@@ -1,7 +1,5 @@
 """Results of a run by their names: numbers, histories as in files of histories, and formulas of the motion."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

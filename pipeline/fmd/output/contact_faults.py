@@ -1,7 +1,5 @@
 """Faults of surfaces that touch: the side that they look to, and a material that counts for nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

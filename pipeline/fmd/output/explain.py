@@ -1,7 +1,5 @@
 """Forecast of a run: the stages that will run, come from the cache or be skipped, and the reasons."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """Files of a scene for other tools: the mesh, the motion with stress, the reduced body."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Stated errors of a summary's figures, each by its place in the summary."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

@@ -3,8 +3,6 @@
 `fmd.scene.outputs` has the formats' names and suffixes, `fmd.reduction.formats` a file for each format of bodies.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

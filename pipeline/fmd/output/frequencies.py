@@ -1,7 +1,5 @@
 """A scene's frequencies: at rest beside its reference, and on a hub that turns."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Static mesh of two spur gears as a chart, a table and figures with their errors by the mesh."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

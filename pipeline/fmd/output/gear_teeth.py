@@ -1,7 +1,5 @@
 """Gears in motion in numbers: transmission error and force between their teeth, and how far the table of it holds."""
 
-from __future__ import annotations
-
 from math import pi
 from typing import Any
 

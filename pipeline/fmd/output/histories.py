@@ -1,7 +1,5 @@
 """Histories of chosen quantities as NetCDF, CSV or charts, and tables of their extremes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Figures and warnings about a mechanism: its loops, coupled coordinates in sub-cycled runs, a periodic start."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

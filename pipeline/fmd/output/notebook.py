@@ -1,7 +1,5 @@
 """Pictures, films and the figures of a summary, as a notebook shows them inline."""
 
-from __future__ import annotations
-
 import base64
 import tempfile
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Orbit of a marker: its path in a plane of space, as a picture or as a table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pictures, films and charts, drawn in another process while this one computes and kept as they were drawn."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import tempfile

@@ -1,7 +1,5 @@
 """Stress and failure indices of a laminate's plies: a table of their extremes, or a picture of the worst index."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

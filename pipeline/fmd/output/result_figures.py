@@ -1,7 +1,5 @@
 """Figures of results that are asked for by name: numbers, and extremes of histories, with their errors."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Stability maps as pictures, and the figures of maps and limits in plain numbers for JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A summary's most wanted figures and the errors of its budget as texts: shares in percent, intervals in units."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A scene that a program of Python takes on step by step, by the conventions of gymnasium's environments."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path

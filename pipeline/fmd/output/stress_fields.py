@@ -1,7 +1,5 @@
 """Envelope and fatigue of a body's surface over a motion: pictures, surfaces for ParaView, tables of worst nodes."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any, TypeVar

@@ -1,7 +1,5 @@
 """Figures of a run in plain numbers, as ``summary.json`` holds them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Response of a rotor in bearings to an unbalance, or to a force that goes round, over its rate of rotation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial

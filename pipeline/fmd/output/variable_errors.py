@@ -1,7 +1,5 @@
 """Errors of variables over time, as files state them: the first run's largest over time, or why it is not stated."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Run time against error of every integrator on a scene's mechanism: rows, a CSV and a chart."""
 
-from __future__ import annotations
-
 import importlib
 import platform
 import sys

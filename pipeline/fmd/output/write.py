@@ -1,7 +1,5 @@
 """Files of a run: the motion, the summary, and the pictures, films and exports that the scene lists."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Motion of a mechanism with controllers as one of its bodies alone, which their outputs drive as functions of time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

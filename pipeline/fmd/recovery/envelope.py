@@ -4,8 +4,6 @@ Stress is a product of modal stress and modal coordinates. It is formed for a fe
 that it stays in the processor's cache, and what is left of it are the extremes.
 """
 
-from __future__ import annotations
-
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ shell, that stretches plies, as a sandwich's faces, by strain that adds up to no
 predictor and corrector; Noor & Burton, Composite Structures 14, 1990).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

@@ -1,7 +1,5 @@
 """Quantities at joints and markers over a motion, as variables with names, units and meanings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

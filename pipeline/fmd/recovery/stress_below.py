@@ -1,7 +1,5 @@
 """Stress in an elastic half-space under the pressures of a grid, which elements larger than a contact don't show."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array

@@ -1,7 +1,5 @@
 """Annotations over a picture: title, colour bar, legend, and a label at a point."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 

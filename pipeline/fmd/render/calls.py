@@ -1,7 +1,5 @@
 """Calls of drawing functions by name, so that another process can make them and nothing heavy is loaded here."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import Any, Protocol
 

@@ -1,7 +1,5 @@
 """The camera of a picture: its direction, its distance, the size of the picture and its colour map."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Campbell diagrams: frequencies over the rate of rotation, with the multiples of that rate."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Off-screen plotters with camera and light, and the parts that they draw."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager

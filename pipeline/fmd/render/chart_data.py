@@ -1,7 +1,5 @@
 """Curves and bands of values as charts take them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from fmd.core.arrays import Array, read_only

@@ -1,7 +1,5 @@
 """Charts over time with differences from the first curve, and the style and the files that all charts share."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence

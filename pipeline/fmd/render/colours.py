@@ -1,7 +1,5 @@
 """Colour maps, and the stresses that belong to the ends of their scale."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 

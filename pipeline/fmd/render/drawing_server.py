@@ -5,8 +5,6 @@ standard output: ``ready`` once the process has drawn something, then ``done`` o
 call's file holds its error.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Films and stills of a whole mechanism, its flexible bodies coloured by their stress."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

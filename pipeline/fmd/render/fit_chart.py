@@ -1,7 +1,5 @@
 """Charts of fits, histories and what is left of them, and of sensitivities, a bar for each number."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

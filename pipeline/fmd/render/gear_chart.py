@@ -1,7 +1,5 @@
 """Two gears in mesh over a pitch: transmission error, stiffness, shares of the load and stress at the roots."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

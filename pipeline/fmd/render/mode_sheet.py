@@ -1,7 +1,5 @@
 """A sheet of mode shapes side by side in one picture."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

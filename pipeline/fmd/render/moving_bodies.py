@@ -1,7 +1,5 @@
 """A mechanism as pictures and films show it: bodies, marks of joints and lines, at the instants of the frames."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

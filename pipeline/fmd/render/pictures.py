@@ -1,7 +1,5 @@
 """Still pictures of a part: its mesh, its mode shapes, its stress, and other fields on its surface."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import cycle, islice

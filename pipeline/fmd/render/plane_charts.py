@@ -1,7 +1,5 @@
 """Charts of one quantity over another: paths in a plane, fronts of two aims, run time against error."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Parallel projection of a part onto a picture, and the choice of its direction."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product

@@ -1,7 +1,5 @@
 """A check that this machine can draw, in another process: VTK without OpenGL dies of a signal."""
 
-from __future__ import annotations
-
 from fmd.core.processes import ChildError, run_child
 
 # libegl1 brings Mesa's EGL and libgl1 its software driver.

@@ -1,7 +1,5 @@
 """Frequency responses: magnitude by units, and phase."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Simple solids as surfaces: boxes, cylinders, balls, plates and pyramids."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

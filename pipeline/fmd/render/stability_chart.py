@@ -1,7 +1,5 @@
 """Stability maps over two Courant numbers: growth in colours, and a surface of stable and unstable."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

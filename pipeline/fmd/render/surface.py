@@ -1,7 +1,5 @@
 """The visible surface of a part, its creases and the lines that show its form."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Charts of parameter studies: lines over one varied value, maps over two."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

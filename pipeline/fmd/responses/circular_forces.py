@@ -7,8 +7,6 @@ round at −w, in space at ``2 Ω − ν``; the latter is 0 where the rotor, as 
 Dynamics of Rotating Systems, 2005, chapter 4).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

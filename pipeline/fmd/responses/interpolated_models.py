@@ -1,7 +1,5 @@
 """Linear models over a parameter, interpolated between few at which they were computed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 

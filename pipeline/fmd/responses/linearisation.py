@@ -11,8 +11,6 @@ Positions in a free joint are taken along the axes of the turning body, in which
 coefficients. A frozen state that isn't at rest or in steady rotation is one instant of a varying system.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property

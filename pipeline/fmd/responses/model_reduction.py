@@ -6,8 +6,6 @@ moves no response by more than ``2 Σ σ`` of them (Enns 1984). Rigid, undamped 
 all are kept.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

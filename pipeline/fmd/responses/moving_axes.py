@@ -1,7 +1,5 @@
 """How a mechanism's positions follow its rates, and axes that turn with free bodies, at one state."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import block_diag
 

@@ -1,7 +1,5 @@
 """Inputs and outputs of a linear model: what acts on a mechanism, and what is observed of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from fmd.core.arrays import Array

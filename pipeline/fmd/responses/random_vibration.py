@@ -1,7 +1,5 @@
 """Random vibration: root mean squares of outputs by the spectral density of one input."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

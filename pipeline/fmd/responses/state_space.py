@@ -1,7 +1,5 @@
 """Linear state-space models ``ẋ = A x + B u``, ``y = C x + D u`` with names and units, and their frequency response."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -7,8 +7,6 @@ An unbalanced rotor in bearings whirls, without bound at its critical rates. Its
 axis, so the motions in which the axis bends or tilts are left out of the search.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Vibrations of what turns about an axis: their frequencies, damping, and the way in which they whirl."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

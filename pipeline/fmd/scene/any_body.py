@@ -1,7 +1,5 @@
 """Bodies of any kind in a scene file; the key ``shape`` says which kind a table is."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Literal
 

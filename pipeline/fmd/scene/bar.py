@@ -1,7 +1,5 @@
 """Bars in a scene file: their shape and how they are divided into elements."""
 
-from __future__ import annotations
-
 import json
 from typing import Any, ClassVar, Literal, Self
 

@@ -1,7 +1,5 @@
 """Beams in a scene file: stepped round shafts, and bars of a standard section."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Flexible bodies in a scene file: material, modes, sectors and places of each, and what is linked to it."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field

@@ -1,7 +1,5 @@
 """Couplers of joints in a scene file: gears, slides that move together, and racks."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar, Literal
 
 from fmd.core.units import Angle, Length

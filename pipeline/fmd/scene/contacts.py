@@ -1,7 +1,5 @@
 """Contacts in a scene file: faces of flexible bodies and surfaces of rigid ones that may touch something."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping
 from typing import Annotated, Any, Literal
 

@@ -1,7 +1,5 @@
 """Controllers in a scene file: their outputs are names in the formulas of drives, and of controllers after them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 

@@ -1,7 +1,5 @@
 """Checks between the tables of a scene: names exist, joints fit their use, bodies form a tree on the ground."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Quantities of a scene that a formula or a table gives: over time, or by a spring's elongation."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self

@@ -1,7 +1,5 @@
 """The fit in a scene file: what was measured on it, and which numbers are to be found from that."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """Gears whose teeth push one another in motion, in a scene file."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any
 

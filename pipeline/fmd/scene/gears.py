@@ -1,7 +1,5 @@
 """Spur gears in a scene file: their teeth, their elements, and the pictures of two in mesh."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cached_property
 from math import ceil, pi, sin

@@ -1,7 +1,5 @@
 """Quantities over time in a scene file: histories as files, and tables of their extremes."""
 
-from __future__ import annotations
-
 import re
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """Flexible bodies that come from files: their mesh, their shape from CAD, their matrices, or all of them reduced."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """Scenes that build on others: tables of a base scene, and bodies that are like another."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from copy import deepcopy
 from os.path import relpath

@@ -1,7 +1,5 @@
 """Tables of several kinds, of which a key says which one a table is."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, get_args
 

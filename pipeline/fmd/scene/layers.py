@@ -1,7 +1,5 @@
 """Layers of shells in a scene file: plies of orthotropic materials, their angles and their strengths."""
 
-from __future__ import annotations
-
 from pydantic import Field
 
 from fmd.core.units import Angle, Length, PositiveDensity, PositiveLength, PositiveStress

@@ -1,7 +1,5 @@
 """Loads in a scene file: what drives a joint, and forces and torques on markers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal

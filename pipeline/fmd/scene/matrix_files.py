@@ -1,7 +1,5 @@
 """Files of a body that is given by its matrices."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from fmd.scene.reading import SceneTable

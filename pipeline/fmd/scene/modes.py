@@ -1,7 +1,5 @@
 """Modes of a flexible body in a scene file: how they are computed, and how they are damped."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal
 

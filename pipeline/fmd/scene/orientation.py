@@ -1,7 +1,5 @@
 """Axes of markers, places and joints in a scene file: turned by a rotation vector, or given by their directions."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

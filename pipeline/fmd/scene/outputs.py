@@ -1,7 +1,5 @@
 """Outputs in a scene file: charts, pictures and films, and files for other tools."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from typing import Annotated, Any, Literal, get_args
 

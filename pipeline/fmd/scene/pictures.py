@@ -1,7 +1,5 @@
 """Pictures and films in a scene file: of meshes, modes and stress."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, WithJsonSchema

@@ -1,7 +1,5 @@
 """Places in a scene file: markers, supports and named elements of a flexible body, and places on the ground."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator

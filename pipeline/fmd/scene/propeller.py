@@ -1,7 +1,5 @@
 """Propellers in a scene file: their shape and how they are divided into elements."""
 
-from __future__ import annotations
-
 from math import pi
 from typing import Annotated, Any, ClassVar, Literal
 

@@ -1,7 +1,5 @@
 """Flexible bodies that another program has reduced: their files, units and places."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """Names of a run's results, which are checked by the scene alone, before anything is computed."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

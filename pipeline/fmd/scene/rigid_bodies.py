@@ -1,7 +1,5 @@
 """Rigid bodies in a scene file: rods, point masses and bodies given by their inertia, and surfaces that may touch."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field

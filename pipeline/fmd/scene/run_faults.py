@@ -1,7 +1,5 @@
 """Faults of runs whose method of integration can't do what the scene asks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 from fmd.scene.reading import FaultError

@@ -1,7 +1,5 @@
 """The tables of a scene that name one another."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Literal
 

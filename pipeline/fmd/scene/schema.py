@@ -5,8 +5,6 @@ also of scenes that build on others, but not the names that a scene gives and wh
 too. Fields' comments stand beside them or above them.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import json

@@ -1,7 +1,5 @@
 """Shells in a scene file: flat plates and tubes by their midsurface and thickness."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar, Literal
 
 from fmd.core.units import PositiveLength

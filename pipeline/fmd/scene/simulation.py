@@ -1,7 +1,5 @@
 """The simulation in a scene file: its duration, its settings and its runs."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field

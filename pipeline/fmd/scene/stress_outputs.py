@@ -1,7 +1,5 @@
 """Outputs of a surface over a whole motion in a scene file: envelope and fatigue of its stress, pressure of contact."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """Tables in text files: columns of numbers from CSV, for quantities that change with time or with an elongation."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Tolerances of a scene's numbers, ``mass = "0.4 kg ± 2 %"``: how far real machines may be from their drawing."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any

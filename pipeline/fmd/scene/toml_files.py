@@ -1,7 +1,5 @@
 """Scene files as text: finding the file, and reading its TOML."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Mapping

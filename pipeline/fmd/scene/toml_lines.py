@@ -1,7 +1,5 @@
 """Lines on which the keys and values of a TOML file stand, for messages; Python's own reader gives none."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Mapping

@@ -3,8 +3,6 @@
 What stands beside a type as `Words` describes its values on the page about the scene file.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal

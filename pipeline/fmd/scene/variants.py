@@ -4,8 +4,6 @@ The error budget compares a run with those of variants, and a wanted accuracy is
 next. A variant keeps the file of its scene.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """How rigid bodies look in pictures and films; nothing here has an effect on the motion."""
 
-from __future__ import annotations
-
 from pathlib import PurePath
 from typing import Annotated, Any, Literal
 

@@ -4,8 +4,6 @@ A step is called stable if the scheme by itself makes small vibrations grow less
 the reference state by the amplification matrix, and at operating points of the motion by the scheme's tangent map.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 

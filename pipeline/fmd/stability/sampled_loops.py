@@ -6,8 +6,6 @@ section 2.3). Controllers are linear without their limits. The eigenvalues μ of
 memories and of u over a common multiple of all sample times say how vibrations grow.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import lcm

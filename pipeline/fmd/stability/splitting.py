@@ -12,8 +12,6 @@ positions, rates half a step behind them, and the last accelerations, which pred
 gyroscopic terms are taken at.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ freeze over a cycle, take at a predicted rate or leave out: inertial coupling, c
 Its eigenvalues μ over a span τ grow at the rates ``ln|μ|/τ``, those of the linearised equations of motion at ``Re λ``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

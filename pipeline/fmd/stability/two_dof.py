@@ -5,8 +5,6 @@ Two unit masses, one slow and one fast, coupled through the mass matrix by β an
 ``Ω_S = ω_S h`` and ``Ω_L = ω_L m h``, on m and on β alone.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ A mechanism's structure is one for all, so that one system stands for them in ea
 numbers of its own behind it. Of a call with a few states most is spent outside of the kernel.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Cases of bodies in other programs' files: a thick beam is written, read again, and compared with closed forms."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

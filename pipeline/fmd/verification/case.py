@@ -1,7 +1,5 @@
 """Cases of the verification suite: figures of ours beside published ones, each with its tolerance."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib.resources import as_file, files

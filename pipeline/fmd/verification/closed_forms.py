@@ -1,7 +1,5 @@
 """Formulas and independent methods that the cases are compared with where no number is printed."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

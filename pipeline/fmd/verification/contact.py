@@ -1,7 +1,5 @@
 """Cases of contact: a bar and a ball that bounce, a block on a slope, a struck beam, and a pressed ball."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from tempfile import TemporaryDirectory
 

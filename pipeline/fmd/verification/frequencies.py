@@ -1,7 +1,5 @@
 """Cases of free and supported bodies at rest: beams, plates, a box, the paper's Table 1."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory

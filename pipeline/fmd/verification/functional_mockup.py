@@ -1,7 +1,5 @@
 """A case of functional mock-up units: a scene leaves as an FMU, and FMPy runs it beside the mechanism's equations."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory

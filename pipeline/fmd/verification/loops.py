@@ -1,7 +1,5 @@
 """Cases of mechanisms with loops."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.cache import Cache

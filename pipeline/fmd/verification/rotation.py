@@ -1,7 +1,5 @@
 """Cases of flexible bodies that turn: a rod's stretch, a cantilever's frequencies, Kane's spin-up."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array

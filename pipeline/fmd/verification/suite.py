@@ -1,7 +1,5 @@
 """The verification suite: its cases are run one by one, and their figures written as a table."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace

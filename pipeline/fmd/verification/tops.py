@@ -1,7 +1,5 @@
 """Cases of a free rigid body: Euler's symmetric top, Jacobi's functions, the racket that turns over."""
 
-from __future__ import annotations
-
 from scipy.interpolate import CubicSpline
 
 from fmd.core.arrays import Array

@@ -1,7 +1,5 @@
 """Cases of standard input data from beam data: tower and blade of NREL's 5-MW wind turbine, beside welib's numbers."""
 
-from __future__ import annotations
-
 from importlib.resources import files
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Error budgets: safety factors, shares and what is worth stating."""
 
-from __future__ import annotations
-
 # Mesh.
 # Modal assurance criterion above which a shape of the other mesh is the run's own. The frequency of one that is less
 # alike tells of the shapes it is mixed with, as of vectors that round-off alone sets apart, and not of the mesh.

@@ -1,7 +1,5 @@
 """Meshes: what is accepted, mended and found in them."""
 
-from __future__ import annotations
-
 # Elements.
 NEARLY_INCOMPRESSIBLE = 0.49  # Poisson's ratio above which the volume strains are added
 

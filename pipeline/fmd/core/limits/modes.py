@@ -1,7 +1,5 @@
 """Modes and static shapes: residuals, pairs, and what counts as rigid."""
 
-from __future__ import annotations
-
 # Shapes of bodies.
 ELASTIC_PART = 1e-6  # of a shape's norm: more of it may not be rigid motion
 NO_STIFFNESS = 1e-14  # of the highest ω²: below it a shape has no stiffness

@@ -1,7 +1,5 @@
 """Linear responses: poles, zeros and whirl."""
 
-from __future__ import annotations
-
 # Frequencies.
 LEAST_DAMPING = 1e-5  # narrower resonances are taken as so wide
 NEAREST_TO_POLE = 0.05  # of half a bandwidth, distance from the pole

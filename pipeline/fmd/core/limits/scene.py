@@ -1,7 +1,5 @@
 """Scenes: how precisely and how long they may be written, and which sizes are possible or usual."""
 
-from __future__ import annotations
-
 # Formulas.
 MOST_DEPTH = 16  # values that a formula holds at a time: compiled code has room for them
 LONGEST_FORMULA = 500  # characters

@@ -1,7 +1,5 @@
 """Stability of steps and coupling."""
 
-from __future__ import annotations
-
 # Steps.
 BISECTIONS = 30  # of the longest safe step: it is then known to the last digits
 BEYOND_LIMIT = 1.02  # times the limit, where the worst operating point shows

@@ -1,7 +1,5 @@
 """Time steps: their errors, ends and resolution of loads."""
 
-from __future__ import annotations
-
 # Many marches.
 LANE_STEPS = 500_000  # of all together, from which on a step of eight at once is worth its compiling
 FEWEST_LANES = 6  # of the eight of a step: with fewer, marches one after the other are sooner done

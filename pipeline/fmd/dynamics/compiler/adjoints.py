@@ -1,7 +1,5 @@
 """Reverse differentiation of a graph, and so of weighted sums of accelerations and of constraints."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

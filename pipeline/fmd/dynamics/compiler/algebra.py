@@ -1,7 +1,5 @@
 """Vectors of three or six scalars and small matrices of them, as lists."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

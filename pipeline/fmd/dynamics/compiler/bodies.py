@@ -18,8 +18,6 @@ from q, ``ṡ = f q̇``: all of the above holds for (q, s), and its terms of s a
 `fmd.reduction.second_order`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

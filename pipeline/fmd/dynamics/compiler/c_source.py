@@ -6,8 +6,6 @@ One that it both reads and fills is in both, and may be the same memory: all sto
 repeated for each of them. The text depends on the graphs alone.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 

@@ -3,8 +3,6 @@
 The padding of a rest of three is zero in inputs and constants, and stays so in sums and products.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ that of the modes' unit mass and the body's size, for markers the largest entry 
 by that share at most, and an entry above it is kept: a part that is nearly plane stays spatial.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

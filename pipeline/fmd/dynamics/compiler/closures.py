@@ -13,8 +13,6 @@ The accelerations of the tree alone give g̈₀, unit multipliers on the tree at
 ``S = J M̂⁻¹ Jᵀ``; with ``S λ = −g̈₀`` the mechanism accelerates by ``a + X λ`` (index 1).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -5,8 +5,6 @@ accelerations, and what a cycle puts in place of rates and accelerations is subs
 become one. For fast coordinates that don't couple, of mechanisms without loops and without quaternions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

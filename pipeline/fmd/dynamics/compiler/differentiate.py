@@ -1,7 +1,5 @@
 """Forward differentiation of a graph: derivatives of its nodes along a direction are nodes of it too."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Digest of a mechanism's constants, by which its machine code is kept: reading it back needs no tracing."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Hashable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """How loads by a mechanism's own state change with it, in the reference state."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Quantities that a mechanism's functions give to another program: of joints, markers and named elements."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from fmd.core.arrays import Array

@@ -1,7 +1,5 @@
 """Forces that accelerate a mechanism: its own at a state, or any that are given, with coordinates frozen or none."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Protocol
 

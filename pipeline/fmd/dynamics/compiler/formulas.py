@@ -1,7 +1,5 @@
 """Formulas and tables of one variable as parts of a graph."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

@@ -4,8 +4,6 @@ With the residual ``r = M̂ a − Q̂`` a coefficient is the change of r along a
 couple, all of their positions move at once, and so do all of their rates; elsewhere eight directions go side by side.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

@@ -23,8 +23,6 @@ Stiefel & Scheifele, Linear and Regular Celestial Mechanics, Springer, 1971, sec
 Abramowitz & Stegun, Handbook of Mathematical Functions, 1964, 15.1.6: arc₀ is ₂F₁(1, 1; 3/2; y).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -4,8 +4,6 @@ Nothing is compiled, so that a mechanism whose march needs few kernels reports i
 that is compiled has a reference.
 """
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial, reduce

@@ -1,7 +1,5 @@
 """Motion along a joint with one axis, and what of it the modes of its body make."""
 
-from __future__ import annotations
-
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine

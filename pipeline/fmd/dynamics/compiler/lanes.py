@@ -5,8 +5,6 @@ variants of a mechanism share what depends on none of their states. A scalar of 
 a modal vector a list of these.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array

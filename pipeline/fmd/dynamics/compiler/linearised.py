@@ -5,8 +5,6 @@ derivatives are those of the same graph that is compiled for a march; one state 
 it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

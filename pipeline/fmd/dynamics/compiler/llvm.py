@@ -1,7 +1,5 @@
 """LLVM's intermediate language for a program's graph: straight-line code, but for products with large matrices."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array

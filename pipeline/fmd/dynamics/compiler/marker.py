@@ -5,8 +5,6 @@ with the rotation vector ``θ = Ψ q + ½ qᵀ displacement2 q``; their terms of
 `MarkerShapes.displacement2`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -9,8 +9,6 @@ for coordinates s from the middle. Matrices (n_blocks, n, 8) hold a column in ``
 in K and C is left out, by their pattern.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

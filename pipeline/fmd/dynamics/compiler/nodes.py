@@ -1,7 +1,5 @@
 """Nodes of an expression graph, each operation once, and the constant arrays that they name."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple

@@ -13,8 +13,6 @@ take as many operations as the steps themselves, so these are taken one by one, 
 from rest beside them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Motion of places of a mechanism in space, on bodies or on the ground, and what acts there."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from fmd.core.arrays import Array

@@ -1,7 +1,5 @@
 """Programs: what of a graph a compiled function computes, and where its arguments hold it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple

@@ -53,8 +53,6 @@ are filled:
 Arrays must not overlap. Functions keep no state, so threads may call them at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Energies and momenta of a mechanism, the frames of its bodies in space, and the structure that saves arithmetic."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.dynamics.compiler.algebra import Vector3, add, constants, cross, dot, scale, times

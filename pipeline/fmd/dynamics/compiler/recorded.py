@@ -3,8 +3,6 @@
 The constants keep what the march takes for round-off.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 

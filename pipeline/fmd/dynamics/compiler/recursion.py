@@ -18,8 +18,6 @@ so that n modes cost of the order of n, and a cube only of Q's few rows. The mod
 has rows in this span too, and is a part of F as what a child carries.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

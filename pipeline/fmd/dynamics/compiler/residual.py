@@ -7,8 +7,6 @@ So it has the force that moves a body and all that it carries, whatever
 acts along the joint: what bears, springs, dampers, drives, friction and gears together.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from fmd.dynamics.compiler.algebra import Vector6, add, cross, dot, rotate, scale, subtract, times, transpose

@@ -1,7 +1,5 @@
 """Loads and motions as a program: value, rate and acceleration of each signal at a time."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Collection, Sequence
 

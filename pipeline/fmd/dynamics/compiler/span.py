@@ -15,8 +15,6 @@ end, which without deflection is a multiple of its displacement in some mode. So
   is left of it passed a threshold, gave its direction that part of the modal mass: accelerations had a pole there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ Files are written whole or not at all, so any number of processes may compile an
 anew.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

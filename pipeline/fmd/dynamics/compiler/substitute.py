@@ -1,7 +1,5 @@
 """Substitution in a graph: nodes in which inputs are replaced by other nodes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

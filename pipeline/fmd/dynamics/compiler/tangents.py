@@ -5,8 +5,6 @@ Mansard, Analytical derivatives of rigid body dynamics algorithms, RSS 2018). Th
 differentiating the recursion itself, and the articulated inertias are those of the accelerations.
 """
 
-from __future__ import annotations
-
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.forces import ActingForces, GivenForces

@@ -4,8 +4,6 @@ A product and a sum may contract to one rounding (``fma``); nothing else about f
 sums have the order that they are written in and what is not a number stays so.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Sequence

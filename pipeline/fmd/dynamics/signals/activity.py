@@ -1,7 +1,5 @@
 """Activity of a signal before a march: the times at which it acts, and those at which it begins to vary fast."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

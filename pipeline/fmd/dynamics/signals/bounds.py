@@ -5,8 +5,6 @@ Kearfott & Cloud, Introduction to Interval Analysis, SIAM, 2009, ch. 9). Roundin
 compared with parts of the signal far above round-off.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Resolution of a signal by steps of a fixed length: peaks and dips whose impulse the steps would miss."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 

@@ -4,8 +4,6 @@ A signal is an expression graph, which is differentiated, evaluated and printed 
 and acceleration of a prescribed motion belong together by construction.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

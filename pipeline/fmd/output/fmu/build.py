@@ -1,7 +1,5 @@
 """Binaries of an FMU: for all systems by the cross-compiler of the ziglang package, or for this one by its own."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import platform

@@ -1,7 +1,5 @@
 """Descriptions of an FMU as XML: the model of FMI 2.0 and of FMI 3.0, and how its sources are built."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 

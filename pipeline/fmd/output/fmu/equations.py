@@ -1,7 +1,5 @@
 """Generated sources of an FMU: sizes, tables and functions of its mechanism, and its integrator's coefficients."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain

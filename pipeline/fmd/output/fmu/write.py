@@ -1,7 +1,5 @@
 """Write a scene's mechanism as two FMUs, of FMI 2.0 and 3.0: sources, binaries and descriptions."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import zipfile

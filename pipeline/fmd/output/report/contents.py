@@ -1,7 +1,5 @@
 """Contents of the page of all results: figures, pictures and tables as its template takes them."""
 
-from __future__ import annotations
-
 import base64
 import csv
 import platform

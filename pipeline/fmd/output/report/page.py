@@ -1,7 +1,5 @@
 """One web page of all results of a run, which needs no network."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from importlib.resources import files

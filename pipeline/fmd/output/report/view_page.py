@@ -1,7 +1,5 @@
 """The page of a mechanism as it is assembled, to be looked at before it runs, and as it ran."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Joints of any kind in a scene file; the key ``type`` says which kind a table is."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Annotated, get_args
 

@@ -5,8 +5,6 @@ of these turns reads the same from either end, which leaves it no part about the
 turn by the same angle. Two Cardan joints that share a tilt evenly do the same.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 from fmd.core.joint_kinds import ACROSS, SPACE, ElementaryMotion, JointKind

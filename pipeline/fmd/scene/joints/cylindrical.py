@@ -1,7 +1,5 @@
 """A slide that turns, in a scene file."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from fmd.core.joint_kinds import ACROSS, ALIGNED, AXIS, ElementaryMotion, JointKind

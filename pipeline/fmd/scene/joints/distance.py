@@ -1,7 +1,5 @@
 """A kept distance in a scene file."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from fmd.core.joint_kinds import JointKind

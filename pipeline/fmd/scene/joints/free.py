@@ -1,7 +1,5 @@
 """A joint that holds nothing in a scene file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Literal
 

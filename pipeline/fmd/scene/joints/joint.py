@@ -1,7 +1,5 @@
 """Tables of joints of any kind: coordinates at the start, forces along them, and marks in pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar

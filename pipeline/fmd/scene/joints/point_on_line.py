@@ -1,7 +1,5 @@
 """A pin in a slot in a scene file."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from fmd.core.joint_kinds import ACROSS, JointKind

@@ -1,7 +1,5 @@
 """A slide in a scene file."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from fmd.core.joint_kinds import ACROSS, AXIS, LOCKED, ElementaryMotion, JointKind

@@ -1,7 +1,5 @@
 """A screw in a scene file."""
 
-from __future__ import annotations
-
 import math
 from typing import Literal
 
