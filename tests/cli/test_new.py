@@ -28,7 +28,7 @@ def test_the_scene_to_start_from_runs_as_it_is_written(fmd, tmp_path, capsys):
     assert fmd("run", str(path), "--no-pictures", "--no-budget", "--out", str(tmp_path / "out"), "--json") == 0
     summary = json.loads(capsys.readouterr().out)
     # Half a sine of torque gives the whole body its mean speed: 10 rad/s for 175 ms, and half of that for 50 ms.
-    assert summary["final"]["joint_angle_rad"] == pytest.approx(10 * (0.2 - 0.05 / 2), rel=0.02)
+    assert summary["final"]["joint_positions"]["hub"] == pytest.approx(10 * (0.2 - 0.05 / 2), rel=0.02)
     comments = [line for line in path.read_text().splitlines() if "#" in line]
     assert len(comments) > 30
 

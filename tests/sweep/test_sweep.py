@@ -102,7 +102,7 @@ def test_the_figures_of_a_point_are_those_of_a_run(grid, run):
     assert [row[f"frequencies_hz.{k}"] for k in range(3)] == run["frequencies_hz"]
     assert row["worst_stress.von_mises_pa"] == run["worst_stress"]["von_mises_pa"]
     for number, integration in enumerate(run["integrations"]):
-        assert row[f"run.{number}.final.joint_angle_rad"] == integration["final"]["joint_angle_rad"]
+        assert row[f"run.{number}.final.joint_positions.hub"] == integration["final"]["joint_positions"]["hub"]
         assert row[f"run.{number}.stability_margin"] == integration["largest_stable_step_s"] / integration["step_s"]
 
 

@@ -31,7 +31,6 @@ from fmd.output.mechanism_figures import (
 from fmd.output.output_kinds import kind_of
 from fmd.output.stress_warnings import stress_warnings
 from fmd.output.variable_errors import why_no_budget
-from fmd.recovery.motion import Motion
 from fmd.stages.division import part_of
 from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
@@ -69,7 +68,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     summary |= loop_figures(run) | periodic_figures(run) | contact_figures(run) | gear_teeth_figures(run)
     summary["largest_stable_step_s"] = run.system.largest_step if run.system.n else None
     summary["integrations"] = _integrations(run)
-    summary["final"] = first.final() | _former_names(first)
+    summary["final"] = first.final()
     summary["joint_units"] = {joint: first.joint_unit(joint) for joint in first.joints}
     summary["tip"] = dict(summary["final"]["tip"])
     summary["left_out_modes"] = _left_out_modes(run)
@@ -192,7 +191,7 @@ def _integrations(run: Pipeline) -> list[dict[str, Any]]:
             "largest_stable_step_s": limit if np.isfinite(limit) else None,
             "stability_margin": limit / motion.trajectory.step if np.isfinite(limit) else None,
             **motion.differences(first),
-            "final": motion.final() | _former_names(motion),
+            "final": motion.final(),
         }
         for (label, motion), limit in zip(run.motions.items(), limits, strict=True)
     ]
@@ -341,20 +340,6 @@ def _budget_warnings(run: Pipeline, budget: Budget, seconds: float) -> list[dict
         )
         warnings.append({"code": "model-error", "text": text})
     return warnings
-
-
-def _former_names(motion: Motion) -> dict[str, float]:
-    """Names that a single flexible body on a hinge had in ``final`` until 0.1; they go with the next release."""
-    final, across = motion.final(), motion.deflection_across_arm
-    if len(motion.mechanism.links) > 1 or across is None or not len(motion.tip_link.omega):
-        return {}
-    (angle,), (rate,) = final["joint_positions"].values(), final["joint_rates"].values()
-    return {
-        "joint_angle_rad": angle,
-        "joint_rate_rad_s": rate,
-        "tip_deflection_m": float(across[-1]),
-        "strain_energy_j": final["potential_energy_j"],
-    }
 
 
 def _element_histories(run: Pipeline) -> dict[str, dict[str, Any]]:

@@ -183,17 +183,6 @@ class Motion:
         return np.asarray(np.linalg.norm(self.tip_deflection, axis=1))
 
     @property
-    def deflection_across_arm(self) -> Array | None:
-        """Deflection of the tip across its arm about a hinge [m], (n_times,); ``None`` at other joints."""
-        number, name = self._tip
-        link = self.mechanism.links[number]
-        if link.part:
-            return None
-        arm = np.cross(link.axis, link.markers[name].position)
-        length = np.linalg.norm(arm)
-        return np.asarray(self.tip_deflection @ (arm / length)) if link.joint.is_hinge and length else None
-
-    @property
     def tip_link(self) -> Link:
         """Body that the tip is on, with its joint."""
         return self.mechanism.links[self._tip[0]]
