@@ -164,29 +164,24 @@ class CompiledMechanism:
 
     def tangents(self, inputs: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
         """Return the residual's derivatives by q (n, n_positions), v (n, n) and a, which is ``M̂`` (n, n)."""
-        sizes = (len(q), len(v), len(a))
-        state = _contiguous(q, v, a)
-        fixed = np.zeros((len(inputs), LANES))
-
-        def along(block: Array) -> Array:
-            dr = np.zeros((len(v), LANES))
-            self.call("tangents", inputs, *state, fixed, *np.split(block, np.cumsum(sizes)[:2]), dr)
-            return dr
-
-        by_q, by_v, by_a = np.split(_in_blocks(along, np.eye(sum(sizes)), len(v)), np.cumsum(sizes)[:2], axis=1)
+        found = self._tangents(inputs, q, v, a, slice(len(inputs), None))
+        by_q, by_v, by_a = np.split(found, (len(q), len(q) + len(v)), axis=1)
         return by_q, by_v, by_a
 
     def input_tangents(self, inputs: Array, q: Array, v: Array, a: Array) -> Array:
         """Return the residual's derivatives by the argument ``inputs``, shape (n, 3 n_signals + n_numbers)."""
-        state = _contiguous(q, v, a)
-        fixed = [np.zeros((len(x), LANES)) for x in state]
+        return self._tangents(inputs, q, v, a, slice(len(inputs)))
+
+    def _tangents(self, inputs: Array, q: Array, v: Array, a: Array, some: slice) -> Array:
+        state = _contiguous(inputs, q, v, a)
+        ends = np.cumsum([len(x) for x in state])
 
         def along(block: Array) -> Array:
             dr = np.zeros((len(v), LANES))
-            self.call("tangents", inputs, *state, block, *fixed, dr)
+            self.call("tangents", *state, *np.split(block, ends[:-1]), dr)
             return dr
 
-        return _in_blocks(along, np.eye(len(inputs)), len(v))
+        return _in_blocks(along, np.eye(ends[-1])[:, some], len(v))
 
     def mass_matrix(self, inputs: Array, q: Array) -> Array:
         """Return ``M̂``, shape (n, n)."""

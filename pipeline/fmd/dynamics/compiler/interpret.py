@@ -32,13 +32,15 @@ class Evaluation:
         self._outputs = [place[number] for number in outputs]
         nodes = [graph.nodes[number] for number in outputs]
         self._shapes = [(node.size,) if node.size or node.operation == "array" else () for node in nodes]
-        self._constants = [_constant(graph, number) for number in live]
+        self._constants: list[Any] = [None] * len(live)
         self._steps = []
         for k, number in enumerate(live):
-            if self._constants[k] is None:
-                operation, taken, *_ = graph.nodes[number]
-                places = [-1] * (operation in _READERS) + [place[each] for each in taken]
-                self._steps.append((k, _step(graph, number), places, dropped.get(number, ())))
+            operation, taken, data, _ = graph.nodes[number]
+            if operation in ("number", "array"):
+                self._constants[k] = data if operation == "number" else graph.arrays[data][:, None]  # type: ignore[index]
+                continue
+            places = [-1] * (operation in ("input", "vector input", *OSCILLATED)) + [place[each] for each in taken]
+            self._steps.append((k, _step(graph, number), places, dropped.get(number, ())))
 
     def __call__(self, arguments: Mapping[str, Array]) -> list[Any]:
         """Return the values: (n_states,) of scalars and (size, n_states) of vectors, with 1 for what never changes.
@@ -46,7 +48,7 @@ class Evaluation:
         Inputs read arguments (n_places, n_states). Complex entries are carried through, for derivatives by a complex
         step, by sine and cosine alone of all functions.
         """
-        values: list[Any] = [*self._constants, arguments]  # `_READERS` take the last
+        values: list[Any] = [*self._constants, arguments]  # the last is what inputs take
         with np.errstate(all="ignore"):  # what has no value is not a number
             for place, step, taken, dropped in self._steps:
                 values[place] = step(*[values[k] for k in taken])
@@ -78,16 +80,6 @@ class Evaluation:
 def evaluation_of(values: Sequence[Scalar | Vector]) -> Evaluation:
     """Return the evaluation of traced values, one at least, of one graph."""
     return Evaluation(values[0].graph, [value.node for value in values])
-
-
-_READERS = {"input", "vector input", *OSCILLATED}
-"""Nodes that take all arguments."""
-
-
-def _constant(graph: Graph, number: int) -> Any:
-    """Return the value of a node that takes nothing; None of others."""
-    operation, _, data, _ = graph.nodes[number]
-    return graph.arrays[data][:, None] if operation == "array" else data if operation == "number" else None  # type: ignore[index]
 
 
 def _step(graph: Graph, number: int) -> Callable[..., Any]:
