@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -17,17 +17,12 @@ from fmd.sweep.local import compute_locally, prepare_workers
 from fmd.sweep.points import Design
 from fmd.sweep.record import Wanted
 
-if TYPE_CHECKING:
-    from fmd.sweep.study import Sweep
-    from fmd.sweep.table import SweepTable
-
 Vary = Annotated[
     list[str],
     Parameter(
         name="--vary", negative=(), help="A key and its values: key=a,b,c, or a range: key=low..high:count unit [log]."
     ),
 ]
-_COMPARING = "simulation."  # keys over which runs are compared
 
 
 def sweep(
@@ -85,7 +80,7 @@ def sweep(
         prepare_workers()  # which load while this process loads what reads scenes
     from joblib import cpu_count
 
-    from fmd.cli.swept_points import read_results
+    from fmd.cli.swept_points import print_sweep, read_results
     from fmd.sweep.plot import draw_sweep, prepare_charts
     from fmd.sweep.points import choose_values, make_points
     from fmd.sweep.study import run_sweep
@@ -93,7 +88,8 @@ def sweep(
 
     variations, combinations = choose_values(vary, design, points, seed)
     summaries = budget or not of  # results by name are of the first run
-    every = summaries and (all_runs or any(variation.key.startswith(_COMPARING) for variation in variations))
+    # Keys of the simulation are those over which runs are compared.
+    every = summaries and (all_runs or any(variation.key.startswith("simulation.") for variation in variations))
     chosen = make_points(scene, variations, set_ or (), combinations, every)
     wanted = Wanted(budget, read_results(of or [], chosen), histories)
     compute = partial(compute_locally, workers=workers or cpu_count(), wanted=wanted)
@@ -112,20 +108,4 @@ def sweep(
         counts = {"points": len(rows), "computed": result.computed, **result.counts}
         print_json({"scene": name, **counts, "seconds": seconds, "rows": rows, "files": files})
     else:
-        from fmd.cli.tables import print_files
-
-        _print_sweep(table, result, summaries, seconds)
-        print_files(folder, files)
-
-
-def _print_sweep(table: SweepTable, result: Sweep, summaries: bool, seconds: float) -> None:
-    """Print a sweep's points, what they say, and how many are done; with summaries also how many runs they lack."""
-    from fmd.cli.swept_points import print_messages, print_points
-    from fmd.cli.tables import open_console
-
-    print_points(table, table.rows)
-    print_messages(result)
-    if summaries and (left_out := max(point.left_out for point in result.points)):
-        open_console().print(f"points have the first of the scene's {left_out + 1} runs; --all-runs computes all")
-    statuses = ", ".join(f"{number} {status}" for status, number in result.counts.items() if number)
-    open_console().print(f"{len(table.rows)} points: {statuses}; {result.computed} computed now, in {seconds:.1f} s")
+        print_sweep(table, folder, files, summaries, seconds)

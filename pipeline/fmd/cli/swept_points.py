@@ -1,9 +1,10 @@
 """Points of a sweep in the terminal, and the results that are asked for of them."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
-from fmd.cli.tables import open_console, print_table
+from fmd.cli.tables import open_console, print_files, print_table
 from fmd.core.html import scaled
 from fmd.core.limits.shown import SWEPT_JOINTS, SWEPT_ROWS
 from fmd.scene.result_names import require_results
@@ -31,9 +32,24 @@ def read_results(of: Sequence[str], chosen: Sequence[Point]) -> tuple[str, ...]:
     return results
 
 
-def print_points(table: SweepTable, rows: Sequence[dict[str, Any]]) -> None:
+def print_sweep(table: SweepTable, folder: Path, files: Sequence[str], summaries: bool, seconds: float) -> None:
+    """Print a sweep's points, what they say, how many runs they lack if they have summaries, and its time and files."""
+    _print_points(table)
+    print_messages(result := table.sweep)
+    if summaries and (left_out := max(point.left_out for point in result.points)):
+        open_console().print(f"points have the first of the scene's {left_out + 1} runs; --all-runs computes all")
+    statuses = ", ".join(f"{number} {status}" for status, number in result.counts.items() if number)
+    open_console().print(f"{len(table.rows)} points: {statuses}; {result.computed} computed now, in {seconds:.1f} s")
+    print_files(folder, files)
+
+
+def _print_points(table: SweepTable) -> None:
     """Print the first points with the figures that fit a terminal."""
-    result, asked = table.sweep, {column: (column, unit) for unit, own in table.results.values() for column in own}
+    rows, result, asked = (
+        table.rows,
+        table.sweep,
+        {column: (column, unit) for unit, own in table.results.values() for column in own},
+    )
     joints = [name for name in rows[0] if name.startswith(JOINT_FIGURE)][:SWEPT_JOINTS]
     figures = _FIGURES | {name: (name.removeprefix(JOINT_FIGURE), "") for name in joints}
     figures = {
@@ -52,7 +68,7 @@ def print_points(table: SweepTable, rows: Sequence[dict[str, Any]]) -> None:
         open_console().print(f"and {more} more {'point' if more == 1 else 'points'}: sweep.csv")
 
 
-def _write(value: float | None, unit: str) -> str:
+def _write(value: Any, unit: str) -> str:
     return "" if value is None else scaled(value, unit)
 
 

@@ -147,10 +147,6 @@ class Automatic(Integrator):
             error=report.difference,
         )
 
-    def pair_of(self, chosen: CentralDifference) -> tuple[CentralDifference, CentralDifference]:
-        """Return the methods of the two marches that tell the error of one that was chosen, which is the last."""
-        return replace(chosen, step=limits.NEARLY * chosen.step), chosen
-
     def judge(self, march: Trajectory, method: CentralDifference, system: System, report: Pairs) -> Trajectory | None:
         """Return a march of a system as this method's own if it agrees with the one before, which a report has."""
         report.seconds += march.seconds

@@ -205,12 +205,13 @@ def find_steady_points(
         slopes = differentiate_states(system, times, states, places, np.full(places.size, limits.NUDGE))
         return np.asarray(-(_inverses(slopes[:, accelerated]) @ left[:, :, None])[:, :, 0])
 
-    found = solve(states[:, places], accelerations_at, correction, np.add, _SETTLING, scale=_least)
+    def least(values: Array) -> float:
+        return float(np.abs(values).max(axis=1).min())  # the largest size at the point where that is least
+
+    found = solve(states[:, places], accelerations_at, correction, np.add, _SETTLING, scale=least)
     states[:, places] = found.state
     q, v, _ = np.split(states, [system.n_positions, system.n_positions + system.n], axis=1)
-    if not found.converged:
-        return None
-    return [OperatingPoint(at.time, q[k], v[k], at.numbers) for k, at in enumerate(points)]
+    return [OperatingPoint(p.time, q[k], v[k], p.numbers) for k, p in enumerate(points)] if found.converged else None
 
 
 def _inverses(slopes: Array) -> Array:
@@ -221,11 +222,6 @@ def _inverses(slopes: Array) -> Array:
         return np.asarray(np.linalg.pinv(slopes))
     conditions = np.linalg.norm(slopes, 1, axis=(1, 2)) * np.linalg.norm(found, 1, axis=(1, 2))
     return np.asarray(found if conditions.max() < limits.WORST_CONDITION else np.linalg.pinv(slopes))
-
-
-def _least(values: Array) -> float:
-    """Return the largest size of values (n_points, n_values) at the point where that is least."""
-    return float(np.abs(values).max(axis=1).min())
 
 
 def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array, longest_step: float) -> tuple[Array, Array]:

@@ -6,7 +6,7 @@ numbers of its own behind it. Of a call with a few states most is spent outside 
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.central_difference import CentralDifference
-from fmd.integrators.fixed_step import FixedStepIntegrator
 from fmd.stability.operating_points import (
     OperatingPoints,
     find_steady_points,
@@ -84,10 +83,9 @@ def _find_undeformed_points(variants: Sequence[VariantStart], duration: float) -
         steady = [(find_steady_points(rigid, [at], fast) or [at])[0] for at in starts]
     moved = _march_rigid(rigid, np.array([at.values for at in steady]), step)
     q, v = (each.reshape(-1, each.shape[2]) for each in moved)
-    times = operating_times(duration)
+    times = np.tile(operating_times(duration), len(variants)).tolist()
     states = with_joints(variants[0].system.mechanism, rigid.mechanism, q, v)  # like all others but for its numbers
-    of_all = np.tile(times, len(variants)).tolist(), *states, np.repeat(numbers, len(times), axis=0)
-    return [*map(OperatingPoint, *of_all)]
+    return [*map(OperatingPoint, times, *states, np.repeat(numbers, OPERATING_POINTS, axis=0))]
 
 
 def _with_numbers(parts: Sequence[Sequence[OperatingPoint]], systems: Sequence[CompiledSystem]) -> list[OperatingPoint]:
@@ -118,17 +116,11 @@ def _march_rigid(rigid: CompiledSystem, starts: Array, step: float) -> tuple[Arr
     return np.stack(positions, axis=1), np.stack(rates, axis=1)
 
 
-class JoinedPoints:
-    """Operating points of variants, with the growth about all of them at once."""
-
-    def __init__(self, variants: Sequence[OperatingPoints]) -> None:
-        systems: list[CompiledSystem] = [own.system for own in variants]  # type: ignore[misc]
-        points = _with_numbers([own.points for own in variants], systems)
-        self._variants, self._all = variants, replace(variants[0], points=tuple(points))
-
-    def find_growth(self, method: FixedStepIntegrator) -> None:
-        """Find the growth by a method, which each of the variants then knows; nothing if a march of one diverges."""
-        excess = self._all.excess_growth(method)
-        if np.isfinite(excess).all():
-            for own, rates in zip(self._variants, np.split(excess, len(self._variants)), strict=True):
-                own.keep(method, rates)
+def find_growth_together(variants: Sequence[OperatingPoints], method: Any) -> None:
+    """Find the growth by a method of a fixed step, which each variant then knows; nothing if one diverges."""
+    systems: list[Any] = [own.system for own in variants]
+    points = _with_numbers([own.points for own in variants], systems)
+    excess = replace(variants[0], points=tuple(points)).excess_growth(method)
+    if np.isfinite(excess).all():
+        for own, rates in zip(variants, np.split(excess, len(variants)), strict=True):
+            own.keep(method, rates)

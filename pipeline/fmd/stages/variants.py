@@ -10,6 +10,7 @@ import numpy as np
 
 from fmd.core.errors import AccuracyError, InputError, StabilityError
 from fmd.core.limits.memory import VALUES_AT_ONCE
+from fmd.core.limits.stepping import NEARLY
 from fmd.dynamics.compiled_system.shared import structure_of
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators.automatic import Automatic
@@ -17,7 +18,7 @@ from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.fixed_step import FixedStepIntegrator
 from fmd.integrators.march_pairs import Pairs, pairs_of
 from fmd.integrators.protocol import Trajectory
-from fmd.stability.variants import JoinedPoints, VariantStart, differ_in_numbers, find_points_of_variants
+from fmd.stability.variants import VariantStart, differ_in_numbers, find_growth_together, find_points_of_variants
 from fmd.stages.found_together import known_marches, known_points
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.plan import Plan
@@ -66,8 +67,7 @@ def _share_growth_by_run(runs: Sequence[Pipeline], number: int) -> None:
             return
         for run, points in zip(runs, known, strict=True):
             known_points(run).append(points)
-    method: Any = plans[0].integrator
-    JoinedPoints(known).find_growth(method)
+    find_growth_together(known, plans[0].integrator)
 
 
 def share_marches(runs: Sequence[Pipeline]) -> None:
@@ -134,11 +134,10 @@ def _share_choice(some: Sequence[_Run], auto: Automatic) -> None:
     if not isinstance(chosen := march.chosen, CentralDifference):
         return
     left = [(each, pairs_of(each.plan.marched[0], auto.error)) for each in some if each is not fastest]
-    for method in auto.pair_of(chosen):
+    for method in (replace(chosen, step=NEARLY * chosen.step), chosen):
         left = _judge_together(left, auto, method)
     if left:
-        more = max(report.more_steps() for _, report in left)
-        _judge_together(left, auto, replace(chosen, step=chosen.step / more))
+        _judge_together(left, auto, replace(chosen, step=chosen.step / max(own.more_steps() for _, own in left)))
 
 
 def _judge_together(
@@ -148,12 +147,9 @@ def _judge_together(
 
     Those that diverge aren't among them: they make their own choice.
     """
-    marches = zip(runs, _march_together([own for own, _ in runs], method), strict=True)
-    left = []
-    for (own, report), march in marches:
-        if march is None:
-            continue
-        own.keep(found := auto.judge(march, method, own.plan.marched[0], report))
-        if found is None:
+    left, marches = [], _march_together([own for own, _ in runs], method)
+    for (own, report), march in zip(runs, marches, strict=True):
+        own.keep(found := march and auto.judge(march, method, own.plan.marched[0], report))
+        if march and not found:
             left.append((own, report))
     return left
