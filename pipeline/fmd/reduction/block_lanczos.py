@@ -39,11 +39,11 @@ def largest_pairs(
     Q[:known], MQ[:known] = Z.T, (M @ Z).T
     H = np.zeros((size + block, size + block))
     filled, restarts = known, 0
-    q, Mq, c, R = orthonormal_rows(inverse(M @ start).T, M, Q[:known], MQ[:known])
+    q, Mq, c, R = orthonormal_rows(inverse(M @ start).T, M, (Q[:known], MQ[:known]))
     while True:
         last, filled = filled, filled + len(q)
         Q[last:filled], MQ[last:filled] = q, Mq
-        q, Mq, c, R = orthonormal_rows(inverse(Mq.T).T, M, Q[:filled], MQ[:filled])
+        q, Mq, c, R = orthonormal_rows(inverse(Mq.T).T, M, (Q[:filled], MQ[:filled]))
         new, end = slice(last - known, filled - known), filled - known
         H[new, :end] = c[:, known:]
         H[:end, new] = c[:, known:].T
@@ -67,15 +67,17 @@ def largest_pairs(
             filled, restarts = known + kept, restarts + 1
 
 
-def orthonormal_rows(W: Array, M: Any, Q: Array, MQ: Array) -> tuple[Array, Array, Array, Array]:
-    """Write rows as ``W = c Q + R q`` with ``q M qᵀ = 1``; returns q, ``q M``, c and R.
+def orthonormal_rows(W: Array, M: Any, *bases: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
+    """Write rows as ``W = c Q + R q`` with ``q M qᵀ = 1``; returns q, ``q M``, the last basis' c, and R.
 
-    q has fewer rows where W depends on Q. The first pass goes by the Euclidean norm, which takes no product with M.
+    Q are the rows of all bases, each given with ``Q M``. q has fewer rows where W depends on Q. The first pass goes by
+    the Euclidean norm, which takes no product with M.
     """
-    c, R, whole = np.zeros((len(W), len(Q))), np.eye(len(W)), np.einsum("ij,ij->i", W, W).max()
+    c, R, whole = np.zeros((len(W), len(bases[-1][0]))), np.eye(len(W)), np.einsum("ij,ij->i", W, W).max()
     for taken in range(PASSES):
-        part = W @ MQ.T
-        W = W - part @ Q
+        for Q, MQ in bases:
+            part = W @ MQ.T
+            W = W - part @ Q
         c += R @ part
         MW = (M @ W.T).T if taken else W
         squares, V = np.linalg.eigh(W @ MW.T)

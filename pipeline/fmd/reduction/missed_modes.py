@@ -37,15 +37,16 @@ def _largest_remaining(M: Any, Phi: Array, inverse: Callable[[Array], Array], kn
     """
     n, first = Phi.shape
     start = M @ np.random.default_rng(SEED).standard_normal((n, block))
-    Q, MQ, H = Phi.T, (M @ Phi).T, np.zeros((0, 0))
-    q, Mq, _, _ = orthonormal_rows(inverse(start).T, M, Q, MQ)
+    modes, H = (Phi.T, (M @ Phi).T), np.zeros((0, 0))
+    Q, MQ = np.zeros((2, 0, n))
+    q, Mq, _, _ = orthonormal_rows(inverse(start).T, M, modes)
     theta, fewest = 0.0, FEWEST_STEPS if block == 1 else FEWEST_BLOCKS
     for step in range(min(MOST_STEPS, (n - first) // block)):
         if not len(q):
             break
         Q, MQ = np.concatenate([Q, q]), np.concatenate([MQ, Mq])
-        q, Mq, c, R = orthonormal_rows(inverse(Mq.T).T, M, Q, MQ)
-        H = np.block([[H, c[:, first : first + len(H)].T], [c[:, first:]]])
+        q, Mq, c, R = orthonormal_rows(inverse(Mq.T).T, M, modes, (Q, MQ))
+        H = np.block([[H, c[:, : len(H)].T], [c]])
         values, vectors = np.linalg.eigh(H)
         theta, error = float(values[-1]), float(np.linalg.norm(R.T @ vectors[-len(c) :, -1]))
         gap = theta - values[-2] if len(values) > 1 else 0.0
