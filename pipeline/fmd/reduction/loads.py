@@ -122,13 +122,7 @@ def enrich_modes(
     omega2, turn = eigh(K)
     U, n = U @ turn[:, omega2 >= SOFTER**2 * softest], Phi.shape[1]
     both = np.concatenate([Phi, U], axis=1)
-    stiffness, mass = np.zeros((2, *(both.shape[1],) * 2))
-    np.fill_diagonal(stiffness[:n], modes.omega**2)
-    np.fill_diagonal(mass[:n], 1.0)
-    for matrix, columns in ((stiffness, fe.forces(U)), (mass, fe.M @ U)):
-        matrix[:, n:] = both.T @ columns
-        matrix[n:, :n] = matrix[:n, n:].T
-    omega2, turn = separate_modes(stiffness, mass)
+    omega2, turn = separate_modes(fe.stiffness_of(both), both.T @ (fe.M @ both))
     both[:, n:] = both @ turn[:, n:]
     return np.concatenate([modes.omega, np.sqrt(omega2[n:])]), both.reshape(len(fe.x), 3, -1)
 

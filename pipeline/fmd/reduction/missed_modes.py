@@ -23,18 +23,10 @@ def missed_eigenvalue(
 
     That is an upper bound of it [rad²/s²], or ``None`` if no mode is missing. Known modes (n, k), rigid-body modes
     included, have ``Φᵀ M Φ = 1`` and eigenvalues up to ``highest`` [rad²/s²]; ``inverse`` is ``(K − σ M)⁻¹``,
-    symmetric, at the ``shift`` σ [rad²/s²], and takes ``block`` vectors at a time.
+    symmetric, at the ``shift`` σ [rad²/s²], and takes ``block`` vectors at a time. The search, Lanczos' method among
+    fields that are M-orthogonal to Φ, ends as soon as its largest Ritz value, or the bound of that, decides.
     """
-    theta = _largest_remaining(M, Phi, inverse, 1.0 / (highest - shift), block)
-    missed = shift + 1.0 / theta if theta > 0.0 else np.inf
-    return missed if missed < highest * (1 - EQUAL_EIGENVALUES) else None
-
-
-def _largest_remaining(M: Any, Phi: Array, inverse: Callable[[Array], Array], known: float, block: int) -> float:
-    """Largest Ritz value of ``A⁻¹ M`` by Lanczos' method among the fields that are M-orthogonal to Φ.
-
-    The search ends as soon as the value, or its error bound, has passed ``known``, the smallest that belongs to Φ.
-    """
+    known = (1 + TOUCHING) / (highest - shift)
     n, first = Phi.shape
     start = M @ np.random.default_rng(SEED).standard_normal((n, block))
     modes, H = (Phi.T, (M @ Phi).T), np.zeros((0, 0))
@@ -51,7 +43,7 @@ def _largest_remaining(M: Any, Phi: Array, inverse: Callable[[Array], Array], kn
         theta, error = float(values[-1]), float(np.linalg.norm(R.T @ vectors[-len(c) :, -1]))
         gap = theta - values[-2] if len(values) > 1 else 0.0
         bound = theta + (error**2 / gap if gap > error else error)
-        converged = step >= fewest and bound < known * (1 + TOUCHING)
-        if converged or theta > known * (1 + TOUCHING):
+        if theta > known or (step >= fewest and bound < known):
             break
-    return theta
+    missed = shift + 1.0 / theta if theta > 0.0 else np.inf
+    return missed if missed < highest * (1 - EQUAL_EIGENVALUES) else None
