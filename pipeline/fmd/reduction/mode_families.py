@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -60,7 +61,7 @@ def complete_pairs(solver: FreeBodySolver, count: int, constraints: Array | None
         pairs = solver.modes(min(wanted, most), constraints, pairs)
         n = int(np.count_nonzero(pairs.omega <= pairs.omega[count - 1] * (1 + PAIR)))
         if n < len(pairs.omega) or len(pairs.omega) < wanted:
-            return pairs.lowest(n)
+            return replace(pairs, omega=pairs.omega[:n], shapes=pairs.shapes[:, :, :n])
         wanted += n - count + 1
 
 

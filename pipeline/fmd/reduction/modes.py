@@ -29,10 +29,6 @@ class EigenPairs:
 
     __repr__ = short_repr
 
-    def lowest(self, count: int) -> EigenPairs:
-        """Return the ``count`` lowest of the pairs."""
-        return replace(self, omega=self.omega[:count], shapes=self.shapes[:, :, :count])
-
     def with_others(self, others: EigenPairs) -> EigenPairs:
         """Return these and other pairs of the same body, which are in few cases between them."""
         omega = np.concatenate([self.omega, others.omega])

@@ -27,7 +27,7 @@ from fmd.fem.model import FEModel
 from fmd.meshes.bar import hexahedral_bar, tetrahedral_bar
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.factor import factor, multifrontal
-from fmd.reduction.factor.factor import MissingSolverError, TooLargeError, elimination_tree, factor_nonzeros, factorise
+from fmd.reduction.factor.factor import MissingSolverError, TooLargeError, factor_nonzeros, factorise
 
 pytestmark = pytest.mark.slow
 
@@ -210,7 +210,7 @@ def test_the_predicted_nonzeros_are_those_of_a_factor(
     A = positive(request.getfixturevalue(body))
     graph, nodes, size, _ = factor._ordered(A)
     assert size == 3
-    nonzeros, order = factor_nonzeros(elimination_tree(graph)[0], 3), factor._unknowns(nodes, 3)
+    nonzeros, order = factor_nonzeros(multifrontal.elimination_tree(graph)[0], 3), factor._unknowns(nodes, 3)
     assert factorise(A).figures.nonzeros == nonzeros
     real = factor.splu(
         sp.csc_array(A[order][:, order]), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
@@ -228,7 +228,7 @@ def test_a_graphs_factor_is_counted_as_by_elimination() -> None:
         later = np.flatnonzero(filled[k, k + 1 :]) + k + 1
         filled[np.ix_(later, later)] = True
     expected = n + np.count_nonzero(np.tril(filled, -1))
-    counts, _ = elimination_tree(sp.csr_array(pattern.astype(float)))
+    counts, _ = multifrontal.elimination_tree(sp.csr_array(pattern.astype(float)))
     assert factor_nonzeros(counts) == expected
     # three unknowns a node: each entry a 3 × 3 block, those on the diagonal lower triangles
     assert factor_nonzeros(counts, 3) == 9 * expected - 3 * n

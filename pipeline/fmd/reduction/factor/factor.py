@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from importlib.util import find_spec
 from typing import Any, Literal
 
@@ -54,44 +53,9 @@ def node_graph(blocks: sp.bsr_array) -> sp.csr_array:
     return sp.csr_array(graph.maximum(graph.T))
 
 
-def elimination_tree(graph: sp.csr_array) -> tuple[IntArray, IntArray]:
-    """Count the entries of each column of the Cholesky factor of a matrix with this graph, in this order.
-
-    Column j of L holds a row i for each row whose subtree of the elimination tree j is in (Liu, SIAM J Matrix Anal Appl
-    11, 1990). Returned are the entries of each column, that of the diagonal too, and its parent in the tree, -1 of a
-    root, (n,) each.
-    """
-    counts = np.ones(graph.shape[0], dtype=np.int64)
-    parent, seen = np.full((2, graph.shape[0]), -1, dtype=np.int64)
-    _count_columns()(graph.indptr.astype(np.int64), graph.indices.astype(np.int64), counts, parent, seen)
-    return counts, parent
-
-
 def factor_nonzeros(counts: IntArray, size: int = 1) -> int:
     """Sum up a factor's nonzeros of its columns' counts, by nodes of ``size`` columns, each one shorter than before."""
     return int(size**2 * counts.sum() - size * (size - 1) // 2 * len(counts))
-
-
-@cache
-def _count_columns() -> Any:
-    """Return `_counts` as a kernel."""
-    from fmd.kernels.kernel import kernel
-
-    return kernel(_counts)
-
-
-def _counts(indptr: IntArray, indices: IntArray, counts: IntArray, parent: IntArray, seen: IntArray) -> None:
-    """Add to each column's count the rows below the diagonal, walking up the elimination tree from each row."""
-    for i in range(len(counts)):
-        seen[i] = i
-        for k in range(indptr[i], indptr[i + 1]):
-            j = indices[k]
-            while j < i and seen[j] != i:
-                if parent[j] < 0:
-                    parent[j] = i
-                counts[j] += 1
-                seen[j] = i
-                j = parent[j]
 
 
 Solver = Literal["auto", "cholesky", "multifrontal"]
@@ -146,21 +110,21 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
         return Factor(factor.solve, FactorFigures("SuperLU", "MMD", n, nonzeros, int(_BYTES["SuperLU"] * nonzeros)))
     A = sp.csr_array(A)
     graph, nodes, size, name = _ordered(A)
-    counts, parent = elimination_tree(graph)
+    from fmd.reduction.factor import multifrontal as own
+    from fmd.reduction.factor.panels import LANES
+
+    counts, parent = own.elimination_tree(graph)
     nonzeros = factor_nonzeros(counts, size)
     if solver == "cholesky":
         figures = FactorFigures("CHOLMOD", name, n, nonzeros, int(_BYTES["CHOLMOD"] * nonzeros))
         _refuse_too_large(figures, BYTES_FOR_CHOLMOD * A.nnz)
         return Factor(_cholmod(A, _unknowns(nodes, size)), figures)
-    from fmd.reduction.factor.multifrontal import factorise_fronts, plan_fronts, plan_stack, widest_columns
-    from fmd.reduction.factor.panels import LANES
-
-    again, fronts = plan_fronts(graph, counts, parent, size)
+    again, fronts = own.plan_fronts(graph, counts, parent, size)
     figures = FactorFigures("multifrontal", name, n, nonzeros, 8 * sum(front.entries for front in fronts))
-    stack = plan_stack(fronts)
-    _refuse_too_large(figures, 8.0 * (stack[1] + widest_columns(fronts)) + BYTES_FOR_FRONTS * A.nnz)
+    stack = own.plan_stack(fronts)
+    _refuse_too_large(figures, 8.0 * (stack[1] + own.widest_columns(fronts)) + BYTES_FOR_FRONTS * A.nnz)
     with one_thread():
-        return Factor(factorise_fronts(A, _unknowns(nodes[again], size), fronts, stack), figures, at_once=LANES)
+        return Factor(own.factorise_fronts(A, _unknowns(nodes[again], size), fronts, stack), figures, at_once=LANES)
 
 
 def _unknowns(nodes: IntArray, size: int) -> IntArray:

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 class FactorFigures:
     """Solver, order, size and memory of a factorisation."""
 
-    solver: (
-        str  # ``multifrontal``, ``CHOLMOD`` or ``SuperLU``; ``MUMPS`` and others of PETSc's with the number of ranks
-    )
+    # ``multifrontal``, ``CHOLMOD`` or ``SuperLU``; ``MUMPS`` and others of PETSc's with the number of ranks
+    solver: str
     order: str  # method that reordered the unknowns: ``METIS`` (nested dissection), ``MMD`` (minimum degree) or ``own``
     unknowns: int  # number of unknowns of the matrix
     nonzeros: int  # number of nonzeros of its Cholesky factor in this order

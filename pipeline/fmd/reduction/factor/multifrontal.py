@@ -39,6 +39,19 @@ class Front:
         return packed_entries(self.width, len(self.below))
 
 
+def elimination_tree(graph: sp.csr_array) -> tuple[IntArray, IntArray]:
+    """Count the entries of each column of the Cholesky factor of a matrix with this graph, in this order.
+
+    Column j of L holds a row i for each row whose subtree of the elimination tree j is in (Liu, SIAM J Matrix Anal Appl
+    11, 1990). Returned are the entries of each column, that of the diagonal too, and its parent in the tree, -1 of a
+    root, (n,) each.
+    """
+    counts = np.ones(graph.shape[0], dtype=np.int64)
+    parent, seen = np.full((2, graph.shape[0]), -1, dtype=np.int64)
+    _count_columns(graph.indptr.astype(np.int64), graph.indices.astype(np.int64), counts, parent, seen)
+    return counts, parent
+
+
 def plan_fronts(graph: sp.csr_array, counts: IntArray, parent: IntArray, size: int) -> tuple[IntArray, list[Front]]:
     """Plan the fronts of a matrix; small ones become part of their parents where that costs a few zeros.
 
@@ -192,6 +205,21 @@ def factorise_fronts(
 def _entries(height: int, width: int) -> int:
     """Count the entries of columns that begin one below the other."""
     return width * height - width * (width - 1) // 2
+
+
+@kernel
+def _count_columns(indptr: IntArray, indices: IntArray, counts: IntArray, parent: IntArray, seen: IntArray) -> None:
+    """Add to each column's count the rows below the diagonal, walking up the elimination tree from each row."""
+    for i in range(len(counts)):
+        seen[i] = i
+        for k in range(indptr[i], indptr[i + 1]):
+            j = indices[k]
+            while j < i and seen[j] != i:
+                if parent[j] < 0:
+                    parent[j] = i
+                counts[j] += 1
+                seen[j] = i
+                j = parent[j]
 
 
 @kernel
