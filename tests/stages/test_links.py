@@ -81,6 +81,22 @@ def test_mass_is_that_of_bar_and_motor_and_stress_that_of_the_bars_own_surface()
     assert len(result.body.x) == len(result.fe.discretisation.x) + 14
 
 
+@pytest.mark.parametrize("shape", [BAR, PLATE], ids=["solid", "shell"])
+def test_a_body_with_links_is_cut_where_no_link_is(shape: dict[str, Any]) -> None:
+    whole, cut = scene(shape=shape, modes={"count": 10}), scene(shape=shape, modes={"count": 10}, pieces=2)
+    for table in (whole, cut):
+        table["simulation"]["duration"] = "4 ms"
+    one, two = fmd.load(whole), fmd.load(cut)
+    divided = two.run.division.divided["bar"]
+    first, last = divided.pieces
+    assert (last.mass - first.mass, first.mass + last.mass) == pytest.approx((MASS, one.run.part.mass), rel=1e-9)
+    assert divided.frequencies_hz[:3] == pytest.approx(one.modes.frequencies_hz[:3], rel=1e-3)
+    assert two.motion.tip_position == pytest.approx(np.asarray(one.motion.tip_position), abs=1e-8)  # it falls by 78 µm
+    side = {"pieces": 2, "link": {"end": {"face": "y+" if shape is BAR else "z+", "type": "average"}}}
+    with pytest.raises(InputError, match=r"body\.bar\.link\.end: its face extends over 2 of the body's 2 pieces"):
+        _ = fmd.load(scene(shape=shape, modes={"count": 4}, **side)).run.division
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -95,7 +111,6 @@ def test_mass_is_that_of_bar_and_motor_and_stress_that_of_the_bars_own_surface()
             {"link": {"end": {"face": "x+", "plane": "x = 0", "type": "rigid"}}},
             "link.end.plane = .* can't stand",
         ),
-        ({"pieces": 2}, "pieces = 2: is of a body without links"),
         ({"mass": {"motor": {"at": "end", "mass": "1 kg", "inertia": [*INERTIA[:2], "1 kg m^2"]}}}, "isn't any body's"),
     ],
 )

@@ -211,8 +211,6 @@ class Solid(Deformable):
         for path, name in at.items():
             if name not in self.link and not self.deck_may_have_links:
                 raise UnknownNameError("link", name, self.link, "the body's links", *path)
-        if self.link and self.pieces != 1:
-            raise FaultError("is of a body without links: they aren't cut with it yet", "pieces")
 
     def _check_pieces(self) -> None:
         """Raise the fault of a body that can't be cut into its pieces."""

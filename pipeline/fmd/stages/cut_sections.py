@@ -255,7 +255,8 @@ def mark_pieces(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> Cu
     shape, given = part.shape, list[dict[str, Marker]]({} for _ in cut.pieces)
     assert isinstance(shape, Solid)
     for k, piece in enumerate(cut.pieces):
-        given[k] |= {name: part.markers[name] for name in piece.own_markers if not shape.marker[name].is_face}
+        places = {name: shape.marker[name] for name in piece.own_markers}
+        given[k] |= {name: part.markers[name] for name, at in places.items() if not at.is_face and at.link is None}
     if shape.sections in ("tractions", "warping"):
         for each, found in zip(cut.cuts, weigh_cuts(part, cut, loaded), strict=True):
             for again, marker in enumerate(found):

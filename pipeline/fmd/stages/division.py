@@ -24,7 +24,7 @@ from fmd.scene.joints.fixed import Fixed
 from fmd.scene.places import MARKER_WAYS, MarkerPlace, NamedElement
 from fmd.scene.scene import Scene
 from fmd.stages.part import FlexiblePart
-from fmd.stages.piece_mesh import Cut, CutPart, face_of
+from fmd.stages.piece_mesh import Cut, CutPart, face_of, link_name
 from fmd.stages.pieces_at_rest import PiecesAtRest, deflection_error, frequency_error, measure_part, put_together
 
 if TYPE_CHECKING:
@@ -99,7 +99,9 @@ def _piece(body: Flexible, name: str, k: int, cut: CutPart, elements: Mapping[st
     for at in piece.own_markers:
         given = body.marker[at]
         place: dict[str, Any] = dict.fromkeys(MARKER_WAYS)
-        if given.is_face:
+        if given.link is not None:
+            place["link"] = given.link
+        elif given.is_face:
             place["face"] = face_of(at)
         else:
             place["at"] = tuple(piece.given[at].position.tolist())
@@ -115,8 +117,31 @@ def _piece(body: Flexible, name: str, k: int, cut: CutPart, elements: Mapping[st
         if cell in numbers
     }
     modes = body.modes.model_copy(update={"boundary": "interface", "interface": tuple(interface)})
+    links = {
+        at: link.model_copy(
+            update={
+                "face": face_of(link_name(at)),
+                "near": None,
+                "plane": None,
+                "at": _place_in_piece(link.at, piece.offset),
+            }
+        )
+        for at, link in body.link.items()
+        if face_of(link_name(at)) in piece.mesh.faces
+    }
+    masses = {
+        at: mass.model_copy(update={"centre": _place_in_piece(mass.centre, piece.offset)})
+        for at, mass in body.mass.items()
+        if mass.at in links
+    }
     changes = {"marker": markers, "modes": modes, "element": own, "support": body.support if k == 0 else ()}
+    changes |= {"link": links, "mass": masses}
     return body.model_copy(update=changes)
+
+
+def _place_in_piece(place: tuple[float, float, float] | None, offset: Array) -> tuple[float, ...] | None:
+    """Return a place of the whole part in the coordinates of a piece [m]."""
+    return None if place is None else tuple((np.array(place) - offset).tolist())
 
 
 @dataclass(frozen=True)

@@ -151,6 +151,14 @@ def find_marker_facets(shape: Flexible, space: AnySpace, file: str, body: str) -
     return _placed(shape.model_copy(update={"marker": on_faces}), find, file, body)
 
 
+def find_link_facets(shape: Flexible, space: Discretisation, file: str, body: str) -> dict[str, IntArray]:
+    """Find the boundary facets of each link of a body."""
+    faces = {name: _faces(shape, space, link, file, f"body.{body}.link.{name}") for name, link in shape.link.items()}
+    return {
+        name: np.unique(np.concatenate([facets_on_face(space, own) for own in face])) for name, face in faces.items()
+    }
+
+
 def _faces(shape: Flexible, space: AnySpace, place: MarkerPlace | FaceLink, file: str, key: str) -> list[IntArray]:
     """Return the faces that a marker or a link is on, as `face_marker` takes them."""
     if place.plane is not None:

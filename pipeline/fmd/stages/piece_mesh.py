@@ -98,6 +98,11 @@ def face_of(marker: str) -> str:
     return f"at-{marker}"
 
 
+def link_name(link: str) -> str:
+    """Return the name of a link among the markers of a part; no marker of a scene has a colon in its name."""
+    return f"link:{link}"
+
+
 def round_to_grid(x: Array, extent: float) -> Array:
     """Round positions [m] in a part of an extent [m] to a grid finer than any node's place matters."""
     return np.asarray(np.round(x / (GRID * extent)) * (GRID * extent))

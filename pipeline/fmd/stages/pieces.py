@@ -22,8 +22,9 @@ from fmd.fem.markers import facets_on_face
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.partition import PartitionError, divide_mesh, facet_areas, interior_facets, join_fragments, joined_nodes
 from fmd.fem.space import Discretisation
-from fmd.stages.markers import find_marker_facets, fixed_unknowns
-from fmd.stages.piece_mesh import CLOSING, ROOT_CUT, Cut, CutPart, PieceMesh, face_of, round_to_grid
+from fmd.scene.places import MarkerPlace
+from fmd.stages.markers import find_link_facets, find_marker_facets, fixed_unknowns
+from fmd.stages.piece_mesh import CLOSING, ROOT_CUT, Cut, CutPart, PieceMesh, face_of, link_name, round_to_grid
 
 if TYPE_CHECKING:
     from fmd.stages.part import FlexiblePart
@@ -43,13 +44,21 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
         raise InputError(part.file, f"{key}.pieces", count, "the body hangs on no joint: it has modes, but no motion")
     if part.plain_mesh.connections is not None:
         raise InputError(
-            part.file, f"{key}.pieces", count, "is of a body without links: its deck's aren't cut with it yet"
+            part.file,
+            f"{key}.pieces",
+            count,
+            "is of a body without links of a deck; those of the scene are cut with it",
         )
     faces = find_marker_facets(part.shape, space, part.file, part.name)
-    markers = {name: np.unique(space.boundary_facets[0][facets]) for name, facets in faces.items()}
-    markers |= {
-        name: _elements_among(space, part.markers[name].nodes) for name in part.shape.marker if name not in faces
-    }
+    links = find_link_facets(part.shape, space, part.file, part.name)
+    linked = {name: _elements_around(space, facets) for name, facets in links.items()}
+    markers = {link_name(name): mine for name, mine in linked.items()}
+    markers |= {name: np.unique(space.boundary_facets[0][facets]) for name, facets in faces.items()}
+    for name, at in part.shape.marker.items():
+        if name not in faces:
+            link = at.link if isinstance(at, MarkerPlace) else None
+            markers[name] = linked[link] if link else _elements_among(space, part.markers[name].nodes)
+    faces |= {link_name(name): facets for name, facets in links.items()}
     with as_input_error(part.file, f"{key}.pieces", count, of=PartitionError):
         labels = divide_mesh(space, count, list(markers.values()))
     labels = _keep_markers_whole(part, labels, markers, count)
@@ -70,6 +79,13 @@ def _elements_among(space: Discretisation, nodes: IntArray) -> IntArray:
     return np.flatnonzero(np.isin(space.element_nodes, nodes).all(axis=1))
 
 
+def _elements_around(space: Discretisation, facets: IntArray) -> IntArray:
+    """Return the elements at the corners of boundary facets, so that no cut between others comes to them."""
+    elements, local = (each[facets] for each in space.boundary_facets)
+    corners = [space.element_nodes[e, space.kind.facet_corners[k]] for e, k in zip(elements, local, strict=True)]
+    return np.flatnonzero(np.isin(space.element_nodes, np.concatenate(corners)).any(axis=1))
+
+
 def _keep_markers_whole(part: FlexiblePart, labels: IntArray, markers: Mapping[str, IntArray], count: int) -> IntArray:
     """Move the elements of each marker into the piece that most of them are in, and loose ones after them."""
     pairs, volumes = interior_facets(part.plain_space)[0], part.plain_space.volumes
@@ -78,7 +94,7 @@ def _keep_markers_whole(part: FlexiblePart, labels: IntArray, markers: Mapping[s
         for name, elements in markers.items():
             found = np.bincount(labels[elements], volumes[elements], minlength=count)
             if np.count_nonzero(found) > 1 and found.sum() > MOST_OF_PIECE * volumes.sum() / count:
-                key = f"body.{part.name}.marker.{name}"
+                key = f"body.{part.name}.{name.replace(':', '.') if ':' in name else 'marker.' + name}"
                 over = f"its face extends over {np.count_nonzero(found)} of the body's {count} pieces"
                 raise InputError(part.file, key, None, f"{over}; take fewer pieces or a smaller face")
             moved[elements] = found.argmax()
@@ -88,7 +104,7 @@ def _keep_markers_whole(part: FlexiblePart, labels: IntArray, markers: Mapping[s
         if all((joined[elements] == joined[elements[0]]).all() for elements in markers.values()):
             return joined
         labels = joined
-    problem = "faces of markers lie across the cuts; another number of pieces has its cuts elsewhere"
+    problem = "faces of markers or links lie across the cuts; another number of pieces has its cuts elsewhere"
     raise InputError(part.file, f"body.{part.name}.pieces", count, problem)
 
 
@@ -145,7 +161,7 @@ def _piece(
     for name, at in places.items():
         if at != k:
             continue
-        own.append(name)
+        own += [] if name.startswith(link_name("")) else [name]
         if name in faces:
             found[face_of(name)] = of_boundary[faces[name]], number[faces[name]]
     at_cuts = []
