@@ -168,9 +168,9 @@ def coarsen_meshes(scene: Scene, times: float = COARSENING_FACTORS[0]) -> Scene 
 
 
 def divide_few_elements(scene: Scene) -> Scene | None:
-    """Return the scene with more hexahedra wherever a bar has so few from side to side that fewer tell nothing.
+    """Return the scene with more elements where a bar or shell has so few from side to side that fewer tell nothing.
 
-    These are one quadratic or two linear elements, which bend a section alike; ``None`` if no bar has them.
+    These are one quadratic or two linear elements, which bend a section alike; ``None`` if no body has them.
     """
     found = _change_bodies(scene, lambda body: body.divided_more())
     return None if all(found.body[name] == body for name, body in scene.flexible.items()) else found
