@@ -149,7 +149,6 @@ class Comparison:
         return replace(fine, times=fine.times[chosen], q=fine.q[chosen], v=fine.v[chosen])
 
     def _choose_stress_samples(self) -> None:
-        """Choose the output times at which stress is compared, and the nodes that matter."""
         frames = [choose_frames(len(self.motion.times), limits.COMPARED_FRAMES)]
         for name, part in self.run.parts.items():
             if not part.has_stress:

@@ -106,14 +106,12 @@ class Estimates(Comparison):
         return dict.fromkeys(self.of_motion, why)
 
     def _corner_stress(self) -> dict[str, float | str]:
-        """Find the bodies whose largest stress has no limit, by a third mesh."""
         if isinstance(self.pair, Pair):
             self.require_modes(limits.COARSE_SHARE)
             self.corners = find_corner_stress(self.pair)
         return {}
 
     def _time(self) -> dict[str, float | str]:
-        """Estimate the error of time integration by another step or a finer tolerance."""
         plan, gain = self.plan, 0.0
         for _ in range(limits.MOST_REFINEMENTS):
             integrator, gain = change_fineness(plan, self.motion.trajectory.seconds)
@@ -139,7 +137,6 @@ class Estimates(Comparison):
         return {name: max(error / gain, least) if error else 0.0 for name, error in changes}
 
     def _interface_modes(self) -> dict[str, float | str]:
-        """Compare frequencies of bases with fixed-interface modes, which are upper bounds, with those of the mesh."""
         interface = [name for name, whole in self.run.wholes.items() if whole.shape.modes.boundary == "interface"]
         names = [name for name in interface if name in self.run.parts]  # a body in pieces is none of them
         if not names:
@@ -172,7 +169,6 @@ class Estimates(Comparison):
         return found
 
     def _truncation(self) -> dict[str, float | str]:
-        """Estimate modal truncation by a richer basis."""
         self.require_modes(1.0)
         rich = self.run.variant(
             enrich_bases(self.run.scene), stiffening_loads=self.run.stiffening_loads
@@ -212,7 +208,6 @@ class Estimates(Comparison):
         return errors
 
     def _coarse_pair(self) -> Pair | str:
-        """Return the run and its scene on a coarser mesh, or the reason why there is none."""
         try:
             self.require_modes(limits.COARSE_SHARE)
         except LeftOutError as why:
@@ -292,7 +287,6 @@ class Estimates(Comparison):
         return {}
 
     def _changes_by_shapes(self, pair: Pair) -> dict[str, float]:
-        """Return what changes on the other mesh of a pair that rings at the run's frequencies."""
         ringing, stressed = pair.at_the_same_frequencies()
         motion, ours = self.march_beside(ringing), self.beside[1]
         return self.changes(self.quantities_of(ringing, motion, places=self._places, as_if=stressed), ours)
@@ -303,7 +297,6 @@ class Estimates(Comparison):
         return {name: part.element_places for name, part in self.run.parts.items() if part.elements}
 
     def _shifts_and_shapes(self) -> dict[str, float]:
-        """Return the mesh's errors of the motion by shifted frequencies and by shapes together."""
         return {name: math.hypot(shift, self._shapes.get(name, 0.0)) for name, shift in self._shifts.items()}
 
     def _recovery(self) -> dict[str, float | str]:

@@ -26,7 +26,6 @@ def find_excess(part: FlexiblePart, body: FlexibleBody, pair: Pair | str, across
 
 
 def _excess_along(part: FlexiblePart, body: FlexibleBody, pair: Pair | str) -> tuple[Array, Array]:
-    """Return the excess of a body by recovered stress, and by a coarser mesh, which give it along the body."""
     of_modes, excess = energy_excess(part, body)
     if isinstance(pair, str):
         return of_modes, excess

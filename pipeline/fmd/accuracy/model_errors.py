@@ -210,7 +210,6 @@ class ModelErrors:
         return errors
 
     def _stiffening(self) -> dict[str, float] | None:
-        """Return the change of the motion with every body stiffened, if one isn't."""
         if all(check.stiffened for check in self._run.stiffening_loads.values()):
             return None
         stiff = {name: replace(check, stiffened=True) for name, check in self._run.stiffening_loads.items()}
@@ -277,7 +276,6 @@ class ModelErrors:
         return {name: math.hypot(change, largest[name.rpartition(".")[0]]) for name, change in changes.items()}
 
     def _damping(self) -> dict[str, float] | None:
-        """Return the change of the motion with a little damping, if a body has none."""
         scene = damp_bodies(self._run.scene, limits.BARE_METAL)
         return (
             None

@@ -152,7 +152,6 @@ def _is_stalled(stated: list[float], required: float, left: int) -> bool:
 
 
 def _shares(rows: list[Row]) -> dict[str, float]:
-    """Return the largest share of each source in the stated errors."""
     return {
         source: limits.SAFETY * max(part if isinstance(part := row.parts[source], float) else 0.0 for row in rows)
         for source in NUMERICAL
@@ -160,7 +159,6 @@ def _shares(rows: list[Row]) -> dict[str, float]:
 
 
 def _refined(scene: Scene, shares: dict[str, float], required: float) -> Scene:
-    """Return the next scene, refined in each source that takes more than its share."""
     too_much = {source: share / (limits.SHARE * required) for source, share in shares.items()}
     mesh = max(too_much["discretisation"], too_much["recovery"]) ** limits.MESH_POWER
     if mesh > 1:

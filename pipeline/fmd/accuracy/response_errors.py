@@ -128,7 +128,6 @@ def _change_by_shift(found: _Variants, frequencies_hz: Array, response: Array, t
 
 
 def _find_variants(run: Pipeline, linear: LinearModel, request: Request, lowest: float) -> _Variants | str:
-    """Return the variants of a run that errors come from, or why there are none."""
     if not run.parts:
         return _Variants(linear, linear, np.zeros_like, np.zeros(linear.model.D.shape))
     shifted = shift_frequencies(run, lambda done: run.store.advance(OF_TWO_MESHES * done))

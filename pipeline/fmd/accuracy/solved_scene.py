@@ -54,7 +54,6 @@ def _choose(given: Pipeline, keep: Callable[[Pipeline], None] = lambda run: None
 
 
 def _changes(before: Any, after: Any) -> Changes:
-    """Return the values of a table that differ from those of another."""
     return {key: getattr(after, key) for key in type(after).model_fields if getattr(after, key) != getattr(before, key)}
 
 

@@ -133,7 +133,6 @@ def _by_implicit_steps(of: Comparison, tried: list[tuple[Pipeline, dict[str, Arr
 
 
 def _by_steps(of: Comparison, rich: Pipeline, as_if: dict[str, Array], method: GeneralizedAlpha) -> BasisComparison:
-    """Compare the run with a richer basis, both by the same implicit steps."""
     beside, ours = of.beside
     plan = _begin_alike(of, rich, replace(of.plan, integrator=method))
     theirs = of.march(rich, plan_like(plan, rich))

@@ -41,7 +41,6 @@ def _amount(row: Row) -> str:
 
 
 def _source(source: str, scene: Scene) -> str:
-    """Say what makes results uncertain, and what helps."""
     quadratic = replace_order(scene, 2).body
     coarse = [name for name, body in scene.flexible.items() if quadratic[name] != body]
     bodies = {name: scene.with_its_basis(name) for name in scene.flexible}
