@@ -231,12 +231,11 @@ class ModelErrors:
         scene = attach_roots_rigidly(run.scene, roots)
         if scene is None:
             return None
-        self._comparison.require_modes(1.0)
-        rigid, errors, excess = (
-            run.variant(scene, stiffening_loads=run.stiffening_loads),
-            dict[str, float](),
-            dict[str, Array](),
-        )
+        large = [name for name in clamped if run.parts[name].modes.dofs > limits.LARGE_MESH]
+        by_coarse_alone = isinstance(pair, Pair) and large == clamped
+        self._comparison.require_modes(limits.COARSE_SHARE if by_coarse_alone else 1.0)
+        rigid = run.variant(scene, stiffening_loads=run.stiffening_loads)
+        errors, excess = dict[str, float](), dict[str, Array]()
         coarse = None if not isinstance(pair, Pair) else attach_roots_rigidly(pair.coarse.scene, roots)
         on_coarse = None if coarse is None else Pipeline(coarse, run.store.cache, stiffening_loads=run.stiffening_loads)
         for name in clamped:
@@ -245,7 +244,7 @@ class ModelErrors:
             else:
                 of_modes, of_shapes = _gain_by_rigid_root(pair.coarse, on_coarse, name)
                 of_shapes = of_shapes[pair.counterparts(name)[0]]
-                if run.parts[name].modes.dofs <= limits.LARGE_MESH:
+                if name not in large:
                     own_modes, own_shapes = _gain_by_rigid_root(run, rigid, name)
                     of_modes, of_shapes = (
                         limits.OF_LIMIT * (2 * own_modes - of_modes),
@@ -277,11 +276,9 @@ class ModelErrors:
 
     def _damping(self) -> dict[str, float] | None:
         scene = damp_bodies(self._run.scene, limits.BARE_METAL)
-        return (
-            None
-            if scene is None
-            else self._changes(self._run.variant(scene, stiffening_loads=self._run.stiffening_loads))
-        )
+        if scene is None:
+            return None
+        return self._changes(self._run.variant(scene, stiffening_loads=self._run.stiffening_loads))
 
 
 def _gain_by_rigid_root(run: Pipeline, rigid: Pipeline, name: str) -> tuple[Array, Array]:
