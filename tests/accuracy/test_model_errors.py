@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.accuracy.coarse_mesh import make_coarse_pair
 from fmd.accuracy.deflection import stiffening_by_stretch
 from fmd.accuracy.error_budget import state_errors
 from fmd.accuracy.error_estimates import MORE_OF_MODEL, Row
+from fmd.accuracy.estimators import Estimates
 from fmd.accuracy.model_errors import ModelErrors
 from fmd.core.cache import Cache
-from fmd.core.limits.errors import SAFETY
+from fmd.core.limits import errors as limits
+from fmd.core.limits.errors import COARSE_SHARE, SAFETY
 from fmd.output.summary import summarise
 
 pytestmark = pytest.mark.slow
@@ -95,6 +98,20 @@ def test_an_averaged_root_is_off_by_what_a_rigid_one_changes_on_a_fine_mesh(tmp_
     assert rows_of(bar(tmp_path, "body.bar.marker.root.attachment=rigid"))["bar, frequency 1"].parts["model"] == (
         "no part in it"
     )
+
+
+@pytest.mark.parametrize(("largest", "share"), [(1e9, 1.0), (0, COARSE_SHARE)])
+def test_rigid_roots_of_a_large_mesh_take_the_time_of_the_coarser_one_alone(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch, largest: float, share: float
+) -> None:
+    """A propeller's were left out for want of the time that its own mesh would have taken, which isn't solved."""
+    of = Estimates(bar(tmp_path, cache=Cache(None)))
+    of.pair = make_coarse_pair(of.run)
+    required: list[float] = []
+    monkeypatch.setattr(limits, "LARGE_MESH", largest)
+    monkeypatch.setattr(of, "require_modes", required.append)
+    assert ModelErrors(of)._attachment()
+    assert required == [share]
 
 
 def test_missing_damping_is_named_and_not_counted(tmp_path: Any) -> None:
