@@ -193,7 +193,6 @@ def shape_surfaces(run: Pipeline, body: str, size: float) -> list[tuple[Surface,
 
 
 def _touching_surface(run: Pipeline, body: str, name: str) -> Surface:
-    """Return a surface that may touch something."""
     from fmd.render.solids import make_ball, make_box, make_cylinder, make_tube
     from fmd.render.surface import Surface
 
@@ -213,7 +212,6 @@ def _touching_surface(run: Pipeline, body: str, name: str) -> Surface:
 
 
 def _given_surface(run: Pipeline, body: str, number: int) -> Surface:
-    """Return the surface of one of the shapes that a scene gives a body."""
     from fmd.render.solids import join_surfaces, make_box, make_cylinder
     from fmd.render.surface import Surface
 

@@ -178,7 +178,6 @@ def draw_mechanism(run: Pipeline, output: MechanismPicture, folder: Path, draw: 
 def _draw_mechanism(
     run: Pipeline, output: StressPicture | MechanismPicture, frame: IntArray, title: str, folder: Path, draw: Drawer
 ) -> None:
-    """Draw the mechanism at an output time, with its largest stress labelled."""
     draw(
         "film.draw_mechanism",
         _view(run, output, frame),

@@ -127,7 +127,6 @@ def _fill(values: Array, known: BoolArray, on_face: BoolArray, triangles: IntArr
 
 
 def _read(run: Pipeline, output: ContactPressure) -> Iterator[tuple[str, str]]:
-    """Iterate over the stages of the bodies that touch."""
     for name, body, _ in run.scene.touching_faces:
         if name == output.contact:
             yield from ((stage, body) for stage in ("mesh", "surface", "body"))

@@ -165,7 +165,6 @@ def motion_variables(motion: Motion) -> list[Variable]:
 
 
 def _whole_variables(motion: Motion) -> Iterator[Variable]:
-    """Variables of the tip and of all bodies together."""
     kinetic, potential = motion.energies
     whole = motion.kinematics
     yield Variable("tip.position", motion.tip_position, _XYZ, "m", f"position of {motion.tip} in space")
@@ -181,7 +180,6 @@ def _whole_variables(motion: Motion) -> Iterator[Variable]:
 
 
 def _body_variables(motion: Motion) -> Iterator[Variable]:
-    """Variables of each body: modal coordinates, frame and markers."""
     whole = motion.kinematics
     for k, (link, frame) in enumerate(zip(motion.mechanism.links, whole.frames, strict=True)):
         body = link.name
@@ -202,7 +200,6 @@ def _body_variables(motion: Motion) -> Iterator[Variable]:
 
 
 def _contact_variables(motion: Motion) -> Iterator[Variable]:
-    """Variables of each contact."""
     for name, own in motion.contacts.items():
         yield Variable(f"{name}.force", own.force, _XYZ, "N", f"force on the body by contact {name}")
         yield Variable(f"{name}.impulse", own.impulse, _XYZ, "N s", f"impulse of contact {name} since the start")

@@ -100,7 +100,6 @@ def energy_errors(space: AnySpace, material: AnyMaterial, shapes: Array) -> Arra
 
 
 def _member_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -> Array:
-    """Return `energy_errors` of elements of one kind."""
     if (line := space.mesh.midsurface) is not None:
         space = space.strained_by(line.evenly_strained())
     nodes, everything = np.arange(len(space.x)), np.arange(len(space.element_nodes))

@@ -134,7 +134,6 @@ def _measures(stress: Array, strength: Array) -> Iterator[tuple[Array, int]]:
 
 
 def _over_time(measure: tuple[Array, int]) -> tuple[Array, IntArray]:
-    """Return the extreme over the last axis, and its place there."""
     values, sign = measure
     frame = (sign * values).argmax(axis=-1)
     return np.take_along_axis(values, frame[..., None], axis=-1)[..., 0], frame

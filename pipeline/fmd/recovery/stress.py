@@ -105,7 +105,6 @@ def element_stress(
 def _middle_stress(
     space: Discretisation, material: AnyMaterial, shapes: Array, elements: IntArray, upper: IntArray
 ) -> Array:
-    """Return `element_stress` of elements of one kind."""
     from fmd.fem.strain import stresses
 
     middle = space.kind.corners.mean(axis=0)[:, None]
