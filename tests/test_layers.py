@@ -317,6 +317,13 @@ def guessed_abilities(sources: Sources) -> Iterator[str]:
                 yield f"{module}:{node.lineno} looks for an attribute; PlainSystem has the answer of most systems"
 
 
+def undeferred_types(sources: Sources) -> Iterator[str]:
+    """What is imported for types alone isn't there when annotations that aren't deferred are read; mypy misses it."""
+    for module, source in sources.items():
+        if "\nif TYPE_CHECKING:" in source and "from __future__ import annotations" not in source:
+            yield f"{module} imports for types alone and doesn't defer its annotations"
+
+
 def _is_main_guard(node: ast.stmt) -> bool:
     return isinstance(node, ast.If) and ast.unparse(node.test) == "__name__ == '__main__'"
 
@@ -363,6 +370,7 @@ RULES: list[Callable[[Sources], Iterator[str]]] = [
     loose_numbers,
     unexplained_numbers,
     guessed_abilities,
+    undeferred_types,
 ]
 
 
@@ -409,6 +417,7 @@ def test_every_test_asserts() -> None:
         (loose_numbers, {"fmd.fem.a": "_SHARP = np.cos(np.deg2rad(40.0))"}, "decides by _SHARP"),
         (unexplained_numbers, {"fmd.core.limits.a": "# Of all.\n\nMOST = 3"}, "3 has no comment"),
         (guessed_abilities, {"fmd.integrators.a": "loops = hasattr(s, 'loops')"}, "a:1 looks for an attribute"),
+        (undeferred_types, {"fmd.fem.a": "\nif TYPE_CHECKING:\n    import fmd.core.b"}, "a imports for types alone"),
         (assertionless_tests, {"tests.test_a": "def test_f(): g()\ndef g(): pass"}, "test_f asserts nothing"),
     ],
 )
