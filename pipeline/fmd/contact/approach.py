@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from fmd.contact.near_triangles import corner_beside, moved_since_listed
-from fmd.contact.nodes import modal_size
+from fmd.contact.nodes import farthest_deflected, modal_size
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
 from fmd.core.limits.contact import CYCLES_ABOVE
@@ -39,8 +39,8 @@ def may_close(c: ContactTable, time: float, q: Array, v: Array, origins: Array, 
         for side in range(1 if c.master[s] < 0 else 2):
             body = c.slave[s] if side == 0 else c.master[s]
             back = 1.0 if _is_of_box(c, s) else 2.0  # gaps of points are those of deformed bodies
-            swing = back * modal_size(c, body, q, c.shift) + time * modal_size(c, body, v, 0)
-            way += c.reach[s, side] * swing
+            way += back * farthest_deflected(c, s, side, body, q)
+            way += time * c.reach[s, side] * modal_size(c, body, v, 0)
         if not _least_gap(c, s, q, origins, rotations) > way:
             return True
     return False
@@ -56,7 +56,7 @@ def _is_of_box(c: ContactTable, s: int) -> bool:
 def _least_gap(c: ContactTable, s: int, q: Array, origins: Array, rotations: Array) -> float:
     """Return a lower bound of the gaps of a surface's points, of undeformed bodies before a plane."""
     if _is_of_box(c, s):
-        return float(c.height[s, 0] + c.reach[s, 0] * modal_size(c, c.slave[s], q, c.shift))
+        return float(c.height[s, 0] + farthest_deflected(c, s, 0, c.slave[s], q))
     least = math.inf
     if c.rounded[s] == 1 or c.primitive[s, 0] > 0.0:
         for i in range(c.point[s], c.point[s + 1]):

@@ -99,11 +99,13 @@ def _bodies(
     size, most = int(first[-1]), int(np.diff(first).max())
     most_modes = max(1, *(len(own) for own in modes))
     mode, shapes = np.zeros((len(bodies), most_modes), dtype=np.int64), np.zeros((size, 3, most_modes))
-    G = np.zeros((size, most, 3, 3))
+    felt = max(6 * len(body.felt) for body in bodies)
+    G, yields = np.zeros((size, most, 3, 3)), np.zeros((size, 3, felt))
     for k, (body, own) in enumerate(zip(bodies, modes, strict=True)):
         at = slice(first[k], first[k + 1])
         mode[k, : len(own)] = own
         shapes[at, :, : len(own)] = body.points.shapes
+        yields[at, :, : 6 * len(body.felt)] = body.felt_yields
         G[at, : len(body.points.x)] = body.points.G.transpose(0, 2, 1, 3)
     return {
         "link": np.array(links, dtype=np.int64),
@@ -113,6 +115,8 @@ def _bodies(
         "shift": shift,
         "x": np.concatenate([body.points.x for body in bodies]),
         "shapes": shapes,
+        "yields": yields,
+        "felt": np.zeros((len(bodies), felt)),
         "G": G,
         "place": np.zeros((size, 3)),
         "radii": np.concatenate([body.points.radii for body in bodies]),
@@ -128,6 +132,7 @@ def _surfaces(
     n, most_modes = len(surfaces), max(1, *(body.points.shapes.shape[2] for body in bodies))
     plane, position, box = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 8, 3))
     reach, radius = np.zeros((n, 2)), np.zeros(n)
+    felt = np.zeros((n, 2, max(6 * len(body.felt) for body in bodies)))
     for k, own in enumerate(surfaces):
         if isinstance(own.of, ContactPlane):
             plane[k], position[k] = own.of.axes, own.of.position
@@ -135,6 +140,10 @@ def _surfaces(
         ends = np.stack([x.min(axis=0), x.max(axis=0)])
         box[k] = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
         reach[k, 0] = _reach(shapes)
+        sides = [(bodies[own.slave], own.points), (bodies[own.master], own.triangles)][: 2 if len(own.triangles) else 1]
+        for side, (body, at) in enumerate(sides):
+            yields = body.felt_yields[at.ravel()]
+            felt[k, side, : yields.shape[2]] = np.linalg.norm(yields, axis=1).max(axis=0, initial=0.0)
         if len(own.triangles):
             theirs = bodies[own.master].points
             reach[k, 1] = _reach(theirs.shapes[own.triangles])
@@ -173,6 +182,8 @@ def _surfaces(
         "corners": np.zeros((n, 8, 3)),
         "ahead": np.zeros((n, 8, 3)),
         "modal_then": np.zeros((n, 2, most_modes)),
+        "felt_reach": felt,
+        "felt_then": np.zeros(felt.shape),
     }
 
 

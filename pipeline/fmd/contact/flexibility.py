@@ -48,12 +48,13 @@ def contact_points(
     body: FlexibleBody,
     faces: Mapping[str, Marker],
     triangles: Mapping[str, IntArray],
+    loaded: Mapping[str, Marker],
 ) -> ContactPoints:
     """Find the points of a body's faces and their residual flexibility ``G = Bᵀ K⁺ B − V (Vᵀ K V)⁻¹ Vᵀ``.
 
     V are the modes at the points without the rigid motion that a joint-conforming basis has, and ``K⁺`` the static
     response by inertia relief. Faces are averaged markers; all corners of ``triangles`` (n_triangles, 3), of faces that
-    may touch other bodies, become points.
+    may touch other bodies, become points. Forces on ``loaded`` markers move points beside the modes, too.
 
     Raises
     ------
@@ -89,7 +90,20 @@ def contact_points(
     elastic = None if others else material.isotropic
     G = G.reshape(n, 3, n, 3)
     x = body.x[at].copy()
-    return ContactPoints(x, areas, shapes, G, numbers, raised, surfaces, elastic=elastic, nodes=at)
+    yields = _find_yields(fe, solver, body, at, loaded)
+    return ContactPoints(x, areas, shapes, G, numbers, raised, surfaces, elastic=elastic, nodes=at, yields=yields)
+
+
+def _find_yields(
+    fe: FEModel, solver: FreeBodySolver, body: FlexibleBody, nodes: IntArray, markers: Mapping[str, Marker]
+) -> dict[str, Array]:
+    """Return displacements of nodes beside the modes by unit forces and moments on markers, (n, 3, 6) each."""
+    V, found = _elastic_shapes(fe, solver, body) if markers else np.zeros(0), {}
+    for name, marker in markers.items():
+        f = marker.columns(len(fe.x), np.eye(3))
+        modal = np.einsum("nam,nak->mk", V[marker.nodes], f[marker.nodes]) / body.omega[:, None] ** 2
+        found[name] = solver.remembered_response(f)[nodes] - V[nodes] @ modal
+    return found
 
 
 def _modal_flexibility(fe: FEModel, solver: FreeBodySolver, body: FlexibleBody, nodes: IntArray) -> Array:

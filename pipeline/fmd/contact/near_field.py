@@ -136,6 +136,7 @@ def with_near_field(
         border=np.concatenate([points.border[others], edge]),
         weights=moved if points.weights is None else moved @ points.weights,
         grids={**points.grids, face: Grid(places, cell, at.axes)},
+        yields={name: np.einsum("ip,pak->iak", moved, own) for name, own in points.yields.items()},
         radii=np.zeros(m + n),
         shares=np.ones(m + n),
     )

@@ -64,6 +64,8 @@ def moved_since_listed(c: ContactTable, s: int, q: Array, origins: Array, rotati
         for m in range(c.n_modes[body]):
             size += (q[c.mode[body, m] + c.shift] - c.modal_then[s, side, m]) ** 2
         total += c.reach[s, side] * math.sqrt(size)
+        for j in range(c.felt.shape[1]):
+            total += c.felt_reach[s, side, j] * abs(c.felt[body, j] - c.felt_then[s, side, j])
     return float(total)
 
 
@@ -77,6 +79,8 @@ def _note_places(c: ContactTable, s: int, q: Array, origins: Array, rotations: A
         body = c.slave[s] if side == 0 else c.master[s]
         for m in range(c.n_modes[body]):
             c.modal_then[s, side, m] = q[c.mode[body, m] + c.shift]
+        for j in range(c.felt.shape[1]):
+            c.felt_then[s, side, j] = c.felt[body, j]
     for i in range(c.point[s], c.point[s + 1]):
         place_node(c, c.node[i], c.slave[s], q, origins, rotations)
     for f in range(c.triangle[s], c.triangle[s + 1]):

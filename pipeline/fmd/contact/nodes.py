@@ -22,9 +22,23 @@ def place_node(c: ContactTable, k: int, body: int, q: Array, origins: Array, rot
         x0 += c.shapes[k, 0, m] * size
         x1 += c.shapes[k, 1, m] * size
         x2 += c.shapes[k, 2, m] * size
+    for j in range(c.felt.shape[1]):
+        size = c.felt[body, j]
+        x0 += c.yields[k, 0, j] * size
+        x1 += c.yields[k, 1, j] * size
+        x2 += c.yields[k, 2, j] * size
     for a in range(3):
         R0, R1, R2 = rotations[link, a, 0], rotations[link, a, 1], rotations[link, a, 2]
         c.place[k, a] = origins[link, a] + (R0 * x0 + R1 * x1 + R2 * x2)
+
+
+@inner
+def farthest_deflected(c: ContactTable, s: int, side: int, body: int, q: Array) -> float:
+    """Return a bound of how far modes at positions q and forces on markers deflect a surface's points or triangles."""
+    far = c.reach[s, side] * modal_size(c, body, q, c.shift)
+    for j in range(c.felt.shape[1]):
+        far += c.felt_reach[s, side, j] * abs(c.felt[body, j])
+    return float(far)
 
 
 @inner

@@ -6,7 +6,7 @@ import math
 
 from fmd.contact.edges import stand_on_edge
 from fmd.contact.near_triangles import keep_near_triangles
-from fmd.contact.nodes import modal_size, place_node
+from fmd.contact.nodes import farthest_deflected, place_node
 from fmd.contact.round_points import follow_material
 from fmd.contact.standing import stand_on_plane, stand_on_primitive
 from fmd.contact.tables import ContactTable
@@ -77,7 +77,7 @@ def _place_round_points(c: ContactTable, s: int, q: Array, origins: Array, rotat
 @inner
 def _may_touch_plane(c: ContactTable, s: int, q: Array, origin: Array, R: Array) -> bool:
     """Return false if all points stay above their plane for some steps, as fast as they now come down."""
-    deformed, low = c.reach[s, 0] * modal_size(c, c.slave[s], q, c.shift), math.inf
+    deformed, low = farthest_deflected(c, s, 0, c.slave[s], q), math.inf
     for k in range(8):
         gap = c.clearance[s] - deformed
         for a in range(3):

@@ -28,9 +28,11 @@ class ContactTable(Table):
     n_modes: IntArray  # (n_bodies,)
     mode: IntArray  # (n_bodies, most modes): rate of each of its modal coordinates
     shift: int  # from there to its position
+    felt: Array  # (n_bodies, most felt): forces and moments on markers that its nodes feel, in its axes
     # Nodes.
     x: Array  # (n_nodes, 3): undeformed, in their body's frame [m]
     shapes: Array  # (n_nodes, 3, most modes)
+    yields: Array  # (n_nodes, 3, most felt): displacements by unit forces on markers, beside the modes [m/N]
     G: Array  # (n_nodes, most nodes of a body, 3, 3), the second from the body's first node on
     place: Array  # (n_nodes, 3): deformed, in space [m]
     radii: Array  # (n_nodes,): of round points [m]; 0 of others
@@ -69,6 +71,8 @@ class ContactTable(Table):
     corners: Array  # (n_surfaces, 8, 3): the box in the master's frame when they were found
     ahead: Array  # (n_surfaces, 8, 3): the same, or before a plane in space, some time ahead
     modal_then: Array  # (n_surfaces, 2, most modes): modal coordinates of both bodies then
+    felt_reach: Array  # (n_surfaces, 2, most felt): no unit force displaces points, or triangles, farther
+    felt_then: Array  # (n_surfaces, 2, most felt): forces on markers of both bodies then
     # Triangles.
     corner: IntArray  # (n_triangles, 3): nodes
     rim: IntArray  # (n_triangles, 6): 1 for each side, then each corner, that is on its face's rim
@@ -203,10 +207,15 @@ class ContactTable(Table):
         return self.sums[:, IMPULSE : IMPULSE + 3].ravel()
 
     def deepest(self, contact: int) -> float:
-        """Return how deep points of a contact are at the last state, beyond an interference that is wanted [m]."""
+        """Return how deep points of a contact are at the last state, beyond what is wanted or loads may do [m].
+
+        Wanted is an interference; loads on markers deflect points at once.
+        """
         mine = (self.contact[self.surface] == contact) & (self.seen[:, 0] == 1)
-        wanted = np.minimum(self.clearance[self.surface], 0.0)
-        return -float((self.free[:, 0] - wanted)[mine].min(initial=0.0))
+        wanted = np.minimum(self.clearance, 0.0)
+        for side, body in ((0, self.slave), (1, self.master)):
+            wanted = wanted - (self.felt_reach[:, side] * np.abs(self.felt[body])).sum(axis=1)
+        return -float((self.free[:, 0] - wanted[self.surface])[mine].min(initial=0.0))
 
     def recall(self, memory: Array) -> None:
         """Go on from the memory of another march."""

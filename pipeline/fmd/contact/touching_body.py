@@ -60,6 +60,8 @@ class ContactPoints:
     shares: Array = field(default_factory=lambda: np.zeros(0))  # (n,): part of a law's force that each of those has
     # Surfaces of a rigid body that points of others may touch.
     primitives: Mapping[str, Primitive] = field(default_factory=dict)
+    # (n, 3, 6) each: by which unit forces [m/N] and moments [m/(N m)] on markers move points beside the modes
+    yields: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.x)
@@ -177,12 +179,20 @@ class TouchingBody:
     # (3,) and (3, 3): Origin and axes of its frame at the start; slip before planes counts from where points are then,
     # undeformed. By default from where each is as it comes near.
     anchor: tuple[Array, Array] | None = None
+    felt: tuple[str, ...] = ()  # markers whose loads and force elements move its points beside its modes
 
     @property
     def sizes(self) -> tuple[int, int]:
         """Numbers of its points and of its modes."""
         n, _, modes = self.points.shapes.shape
         return n, modes
+
+    @property
+    def felt_yields(self) -> Array:
+        """Displacements of its points by unit forces and moments on the markers that they feel, (n, 3, 6 n_felt)."""
+        return np.concatenate(
+            [np.zeros((len(self.points.x), 3, 0)), *(self.points.yields[own] for own in self.felt)], 2
+        )
 
     @property
     def contacts(self) -> tuple[ContactPlane | ContactPair, ...]:
@@ -211,12 +221,12 @@ class TouchingBody:
         own = [*(getattr(self.points, name) for name in arrays), *self.points.areas.values()]
         own += [x for plane in self.planes for x in (plane.position, plane.normal)]
         own += self.anchor or ()
-        own += [*self.points.faces.values(), *self.points.surfaces.values()]
+        own += [*self.points.faces.values(), *self.points.surfaces.values(), *self.points.yields.values()]
         content = b"".join(np.ascontiguousarray(x).tobytes() for x in own)
         laws = (
             (at.name, at.face, at.friction, at.clearance, at.damping, at.law, at.slide, at.wear) for at in self.planes
         )
-        names = repr([self.body, self.pairs, self.points.primitives, *laws])
+        names = repr([self.body, self.pairs, self.points.primitives, self.felt, [*self.points.yields], *laws])
         return hashlib.blake2b(content + names.encode(), digest_size=16).hexdigest()
 
     def stiffness(self, J: Array) -> Array:

@@ -24,7 +24,7 @@ from fmd.core.limits.contact import EVEN_SHARE, EXACT_ROUNDS, EXACTLY_KEPT, FORC
 from fmd.core.limits.newton import STALLED
 from fmd.core.limits.round_off import EXACT, SOLVED
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.compiled_system.touching import find_contacts
+from fmd.dynamics.compiled_system.touching import find_contacts, find_pressed
 from fmd.dynamics.system import accelerations, remember_contacts
 from fmd.integrators.exponential import fill_functions
 from fmd.integrators.fixed_step import FixedMarch, begin_cycle, end_cycle, runs_away, sample_within, take_steps
@@ -85,7 +85,7 @@ def _evaluate(m: EnergySteps, p: Any, t: float, q: Array, out: Array) -> float:
 
     The mechanism answers to pushes as it does at rest, where no stiffness is in the difference.
     """
-    find_contacts(p, t, q, m.v)
+    find_pressed(p, t, q, m.v)
     call_native(p.pushed, (p.inputs, m.rest, m.none, p.contact.push, p.contact.modal, m.a))
     _multiply(m.inverse, m.a, out)
     for i in range(out.size):
@@ -178,6 +178,7 @@ def _begin_cycle(m: EnergySteps, p: Any, plain: Any, first: int, sampled: bool) 
     _multiply(m.inverse, m.a, m.other)
     _multiply(m.inverse, m.q, m.y)
     _multiply(m.inverse, m.v, m.w)
+    find_contacts(p, middle, m.q, m.v)  # forces on markers stay as they are felt here over the step
     m.numbers[0] = _evaluate(m, p, middle, m.q, m.begin)
 
 

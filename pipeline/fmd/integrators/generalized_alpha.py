@@ -22,6 +22,7 @@ from fmd.core.errors import ConvergenceError, StabilityError
 from fmd.core.limits.newton import (
     CONVERGED,
     LEAST_MOVED,
+    LEAST_PRESSED,
     OF_GUESS,
     POSITION_ROUND_OFF,
     STALLED,
@@ -126,8 +127,9 @@ class GeneralizedAlpha(ResumableIntegrator):
         tangent, marks = state.memory[: own * own].reshape(own, own), state.memory[own * own : own * own + 2]
         alpha_m, alpha_f, beta, gamma = self.weights.tolist()
         begin = (state.q, state.v, state.a, tangent, marks, counts)
+        nudges = LEAST_PRESSED if system.n_contact_values else (LEAST_MOVED, LEAST_MOVED)
         return NewmarkSteps(
-            self.step, alpha_m, alpha_f, beta, gamma, *begin, *aligned(n, n, n, n, n, n, system.n_positions)
+            self.step, alpha_m, alpha_f, beta, gamma, *nudges, *begin, *aligned(n, n, n, n, n, n, system.n_positions)
         )
 
 
@@ -148,6 +150,8 @@ class NewmarkSteps(Table):
     alpha_f: float
     beta: float
     gamma: float
+    nudge: float  # least move of positions, by which tangents are differences [rad or m]
+    finest: float  # the same where one of these hasn't helped
     q: Array
     v: Array
     a: Array  # (2 n,): auxiliary and true accelerations
@@ -215,23 +219,29 @@ def _evaluate_end(m: NewmarkSteps, p: Any, end: float, found: Array) -> None:
 def _find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
     """Find the accelerations at a step's ``end`` [s] by Newton's method; false if it does not converge."""
     n = m.v.size
-    for i in range(n):
-        m.new[i] = m.a[n + i]
-    for trial in range(2):  # a loop, since a call with True and one with False would be compiled each
-        if _converges(m, p, end, trial == 0):
-            return m.tangent.shape[0] == n or _carry_tangents(m, p, end)
-        # The last accelerations, frozen over a long step, carry a stiff coordinate far out to where no tangent is of
-        # use.
+    for trial in range(3):  # a loop, since a call with True and one with False would be compiled each
+        if trial == 1 and m.finest == m.nudge:
+            continue
         for i in range(n):
-            ahead = -(m.v[i] / m.h + (0.5 - m.beta) * m.a[i]) / m.beta  # so that positions stay
-            m.new[i] = ((1.0 - m.alpha_m) * ahead + m.alpha_m * m.a[i] - m.alpha_f * m.a[n + i]) / (1.0 - m.alpha_f)
+            m.new[i] = m.a[n + i]
+            if trial == 2:
+                # The last accelerations, frozen over a long step, carry a stiff coordinate far out to where no tangent
+                # is of use.
+                ahead = -(m.v[i] / m.h + (0.5 - m.beta) * m.a[i]) / m.beta  # so that positions stay
+                ahead = (1.0 - m.alpha_m) * ahead + m.alpha_m * m.a[i]
+                m.new[i] = (ahead - m.alpha_f * m.a[n + i]) / (1.0 - m.alpha_f)
+        if _converges(m, p, end, trial < 2, m.nudge if trial == 0 else m.finest):
+            return m.tangent.shape[0] == n or _carry_tangents(m, p, end)
         m.marks[0] = 0.0
     return False
 
 
 @inner
-def _renew_tangent(m: NewmarkSteps, p: Any, end: float) -> None:
-    """Factor the tangent at the trial accelerations, by differences; ``found`` are the accelerations there."""
+def _renew_tangent(m: NewmarkSteps, p: Any, end: float, least: float) -> None:
+    """Factor the tangent at the trial accelerations, by differences over the least move of positions [rad or m].
+
+    ``found`` are the accelerations there.
+    """
     n, size = m.tangent.shape[0], VANISHED
     to_position = m.h * m.h * m.beta * (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
     for i in range(m.v.size):
@@ -240,7 +250,7 @@ def _renew_tangent(m: NewmarkSteps, p: Any, end: float) -> None:
         size = max(size, abs(m.found[i]), abs(m.new[i]), abs(m.a[i]), OF_GUESS * abs(m.a[m.v.size + i]))
     for j in range(n):
         keep = m.new[j]
-        nudge = max(1e-6 * (abs(keep) + 1e-3 * max(size, m.marks[1])), LEAST_MOVED / to_position)
+        nudge = max(1e-6 * (abs(keep) + 1e-3 * max(size, m.marks[1])), least / to_position)
         m.new[j] = keep + nudge
         _evaluate_end(m, p, end, m.shifted)
         m.new[j] = keep
@@ -253,7 +263,7 @@ def _renew_tangent(m: NewmarkSteps, p: Any, end: float) -> None:
 
 
 @inner
-def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
+def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool, nudge: float) -> bool:
     """Iterate from the trial accelerations until they converge; if ``wary``, only while corrections shrink.
 
     Forces that balance leave an acceleration with their own round-off: a correction that no longer shrinks, or shrinks
@@ -266,7 +276,7 @@ def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
         _evaluate_end(m, p, end, m.found)
         size, largest, reached = VANISHED, 0.0, 1.0
         if m.marks[0] == 0.0 or (iteration > 0 and iteration % 4 == 0):
-            _renew_tangent(m, p, end)
+            _renew_tangent(m, p, end, nudge)
         left = 0.0
         for i in range(n):
             left = max(left, abs(m.found[i] - m.new[i]))
@@ -329,7 +339,7 @@ def _carry_tangents(m: NewmarkSteps, p: Any, end: float) -> bool:
         if largest <= little or (largest <= CONVERGED * size and largest > STALLED * before):
             return True
         if largest > STALLED * before:
-            _renew_tangent(m, p, end)
+            _renew_tangent(m, p, end, m.nudge)
         before = largest
     return False
 

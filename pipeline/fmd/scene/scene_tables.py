@@ -96,6 +96,16 @@ class SceneTables(SceneTable):
         faces = (at for at in self.touching_faces if at[0] in pairs or not with_bodies)
         return tuple(dict.fromkeys(face for _, own, face in faces if own == body))
 
+    def markers_under_load(self, body: str) -> tuple[str, ...]:
+        """Return the markers of a body that drives and force elements act on."""
+        places = [drive.marker for drive in self.drive.values() if isinstance(drive, MarkerLoad)]
+        places += [end for table in self.elements.values() for element in table.values() for end in element.between]
+        return _of_body(body, places)
+
+    def markers_on_joints(self, body: str) -> tuple[str, ...]:
+        """Return the markers of a body that joints hold it by."""
+        return _of_body(body, [end for joint in self.joint.values() for end in (joint.parent, joint.child)])
+
     @property
     def flexible(self) -> dict[str, Flexible]:
         """The flexible bodies by name."""
@@ -154,3 +164,8 @@ def leads_round(body: str, parents: Mapping[str, str]) -> bool:
         seen.add(body)
         body = parents[body]
     return body in seen
+
+
+def _of_body(body: str, places: list[str]) -> tuple[str, ...]:
+    """Return the markers of a body among places, each once."""
+    return tuple(dict.fromkeys(marker for own, _, marker in (place.partition(".") for place in places) if own == body))

@@ -45,7 +45,8 @@ def find_contact_points(part: FlexiblePart) -> ContactPoints:
         )
     faces = {name: part.markers[name] for name in part.contact_faces}
     with as_input_error(part.file, f"body.{part.name}.marker"):
-        return contact_points(part.fe, part.model.solver, part.body, faces, _find_triangles(part))
+        loaded = {name: part.markers[name] for name in part.loaded_markers}
+        return contact_points(part.fe, part.model.solver, part.body, faces, _find_triangles(part), loaded)
 
 
 def _find_triangles(part: FlexiblePart) -> dict[str, IntArray]:
@@ -71,7 +72,10 @@ def add_contacts(run: Pipeline, mechanism: Mechanism) -> Mechanism:
         A step is too long for the modes alone, or as `contact_points`.
     """
     require_steps_of_modes(run.scene, mechanism)
-    bodies = {body: TouchingBody(body, run.parts[body].contact_points) for _, body, _ in run.scene.touching_faces}
+    bodies = {
+        body: TouchingBody(body, run.parts[body].contact_points, felt=run.scene.markers_under_load(body))
+        for _, body, _ in run.scene.touching_faces
+    }
     start = StartPose(run.divided_scene, mechanism)
     bodies |= {
         body: TouchingBody(body, first_points(run.scene, body, start, run.store.cache))

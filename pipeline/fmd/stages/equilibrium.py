@@ -49,7 +49,8 @@ def find_equilibrium(system: CompiledSystem, q: Array) -> Array:
     forces, resting = _forces(system, q), _RESTING
     start = _Start(system, turns, slides, forces, _positive_mass(system, q))
     if system.mechanism.contacts:
-        size = largest(forces)
+        still = np.zeros(system.n)  # contacts may hold what acts all but at once
+        size = max(largest(forces), largest(system.compiled.residual(0.0, q, still, still)))
         resting = Tolerance(
             limits.REST_CORRECTIONS, residual=limits.PRESSED * size, stalled=limits.ROUNDED_PRESS * size
         )

@@ -21,6 +21,9 @@ class KeyedPart:
         self.joint = read_parent_joint(scene, name)
         self.contact_faces = scene.faces_in_contact(name, with_bodies=False)
         self.paired_faces = scene.faces_in_contact(name, with_bodies=True)
+        self.loaded_markers: tuple[str, ...] = ()
+        if self.contact_faces:
+            self.loaded_markers = tuple(sorted({*scene.markers_under_load(name), *scene.markers_on_joints(name)}))
         self.frame = scene.simulation.frame if scene.moves else "joint-conforming"
         self.stiffening = scene.simulation.stiffening if scene.moves else "auto"
 
@@ -126,4 +129,5 @@ def digest_of_body(part: KeyedPart) -> Any:
 
 def contact_inputs(part: KeyedPart) -> Any:
     """Return what the points that may touch something depend on, and their flexibility."""
-    return {"body": part.key("body"), "faces": part.contact_faces, "paired": part.paired_faces}
+    faces = {"faces": part.contact_faces, "paired": part.paired_faces, "loaded": part.loaded_markers}
+    return {"body": part.key("body"), **faces}

@@ -65,6 +65,8 @@ OF_GUESS = 1e-5  # times that: the round-off of the acceleration that an iterati
 # rest, has up to 3e-13, since a tangent's condition is 1e13.
 POSITION_ROUND_OFF = 1e-12
 LEAST_MOVED = 1e-10  # of positions, by which slopes are differences above the accelerations' round-off [rad or m]
+# The same where surfaces touch, which a move by more may part, at first and where that doesn't converge [rad or m].
+LEAST_PRESSED = 1e-12, 1e-14
 STEP_ITERATIONS = 12  # of a step: one that needs more is too long
 VANISHED = 1e-200  # an acceleration below which nothing is left to converge: damped motions underflow in the end
 BALANCING_PART = 1e-6  # part of each coordinate of the start by which it is changed to see what forces balance there

@@ -48,6 +48,7 @@ class TouchingParameters(TreeParameters):
 
     pushed: int  # addresses of the compiled functions
     frames: int
+    felt: int
     contact: ContactTable
     origins: Array  # (n_bodies, 3): the bodies' frames
     rotations: Array  # (n_bodies, 3, 3)
@@ -61,6 +62,7 @@ class TouchingClosedParameters(ClosedParameters):
 
     pushed: int
     frames: int
+    felt: int
     contact: ContactTable
     origins: Array
     rotations: Array
@@ -109,6 +111,7 @@ class TouchingSystem(CompiledSystem):
             **{own.name: getattr(plain, own.name) for own in fields(plain)},
             pushed=self.compiled.address("pushed_closed" if closed else "pushed"),
             frames=self.compiled.address("frames"),
+            felt=self.compiled.address("felt") if any(body.felt for body in mechanism.contacts) else 0,
             contact=contact_table(mechanism.contacts, links, modes, n_links, mechanism.n, shift),
             origins=np.zeros((n_links, 3)),
             rotations=np.zeros((n_links, 3, 3)),
@@ -172,6 +175,14 @@ class TouchingSystem(CompiledSystem):
 def find_contacts(p: Any, t: float, q: Array, v: Array) -> None:
     """Find the forces of contacts at a state, and their pushes on frames and modes."""
     set_inputs(p, float(t))
+    if p.contact.felt.size > 0:
+        call_native(p.felt, (p.inputs, q, v, p.contact.felt))
+    find_pressed(p, t, q, v)
+
+
+@inner
+def find_pressed(p: Any, t: float, q: Array, v: Array) -> None:
+    """Find the same, with forces on markers as they were felt before."""
     call_native(p.frames, (p.inputs, q, v, p.origins, p.rotations, p.spins))
     touch(p.contact, t, q, p.origins, p.rotations)
 

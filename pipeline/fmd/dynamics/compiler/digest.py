@@ -63,7 +63,8 @@ def _digest(inputs: Coordinates) -> str:
     for element in mechanism.elements:
         _add(pieces, inputs, [[numbers.get(end.body, -1) for end in element.ends], type(element).__name__, element])
     for contact in mechanism.contacts:  # whose forces are arguments
-        _add(pieces, inputs, ["touches", numbers[contact.body]])
+        markers = [*links[numbers[contact.body]].markers]
+        _add(pieces, inputs, ["touches", numbers[contact.body], [markers.index(name) for name in contact.felt]])
     for closure in mechanism.closures:
         if isinstance(closure, Coupler):
             _add(pieces, inputs, [[numbers[body] for body in closure.joints], closure.factors, closure.offset])

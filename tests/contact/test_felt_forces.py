@@ -1,0 +1,90 @@
+"""Loads and force elements beside contacts: points of faces give way to them beyond the modes, as whole elements do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.fem.markers import Marker
+from fmd.integrators.protocol import evaluate
+from fmd.output.contacts import contact_warnings
+from tests.contact.test_contact_points import BLOCK
+
+CLEARANCE = 1e-7
+
+
+def cantilever(**tables: Any) -> Pipeline:
+    """Return the block held at one end by 3 modes, its other end just before a wall."""
+    shape = BLOCK["body"]["block"]
+    markers = shape["marker"] | {"end": {"face": "x+"}, "spot": {"at": ["200 mm", "-50 mm", "0 mm"]}}
+    body = shape | {"modes": {"count": 3, "enrich": "none"}, "support": [{"face": "x-"}]}
+    body["marker"] = markers | {"root": {"face": "x-"}}
+    ground = {"root": {"at": [0, 0, 0]}, "ahead": {"at": ["300 mm", "-50 mm", "0 mm"]}}
+    ground["wall"] = {"at": ["200 mm", 0, 0]}
+    scene = {
+        "body": {"block": body},
+        "ground": ground,
+        "joint": {"hold": {"type": "fixed", "parent": "ground.root", "child": "block.root"}},
+        "contact": {"wall": {"between": ["ground.wall", "block.end"], "normal": [-1, 0, 0], "clearance": CLEARANCE}},
+    }
+    more = {"gravity": [0, 0, 0], "tip": "block.end", "start": "equilibrium"}
+    return Pipeline(load_scene(BLOCK | scene | {"simulation": BLOCK["simulation"] | more} | tables))
+
+
+def force_on(marker: str, force: Any, direction: list[float]) -> dict[str, Any]:
+    load = {"type": "point force", "marker": f"block.{marker}", "direction": direction, "force": force}
+    return {"drive": {"load": load}}
+
+
+SIZE = float(np.hypot(3000.0, 900.0))
+TORQUE = {"type": "point torque", "marker": "block.bottom", "direction": [0, 0, 1], "torque": "-600 N m"}
+SPRING = {"between": ["ground.ahead", "block.spot"], "stiffness": "20 N/mm", "length": "50 mm"}
+CASES: dict[str, tuple[dict[str, Any], str, list[float]]] = {
+    "force on the face": (force_on("end", SIZE, [1, 0.3, 0]), "end", [3000, 900, 0, 0, 0, 0]),
+    "force beside it": (force_on("bottom", "3 kN", [1, 0, 0]), "bottom", [3000, 0, 0, 0, 0, 0]),
+    "torque": ({"drive": {"load": TORQUE}}, "bottom", [0, 0, 0, 0, 0, -600]),
+    "spring": ({"spring": {"pull": SPRING}}, "spot", [1000, 0, 0, 0, 0, 0]),
+}
+
+
+def whole_forces(run: Pipeline, marker: Marker, wrench: Array) -> Array:
+    """Return the normal forces on the face's points by all elements, held at the end, without modes."""
+    part, points = run.parts["block"], run.parts["block"].contact_points
+    held = np.flatnonzero(part.fe.x[:, 0] < 1e-9)
+    free = np.setdiff1d(np.arange(3 * len(part.fe.x)), (3 * held[:, None] + np.arange(3)).ravel())
+    K = part.fe.K.toarray()[np.ix_(free, free)]
+    f = marker.columns(len(part.fe.x), np.eye(3)).reshape(-1, 6)[free] @ wrench
+    at = np.searchsorted(free, 3 * points.nodes)
+    flexibility = np.linalg.inv(K)
+    L = np.linalg.cholesky(flexibility[np.ix_(at, at)])
+    force, _ = nnls(L.T, -np.linalg.solve(L, CLEARANCE - flexibility[at] @ f), maxiter=1000)
+    return np.asarray(force)
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES)
+def test_points_give_way_to_loads_and_springs_as_whole_elements_do(
+    case: tuple[dict[str, Any], str, list[float]],
+) -> None:
+    """By the modes alone the largest force was up to ten times off."""
+    tables, marker, wrench = case
+    run = cantilever(**tables)
+    parameters: Any = run.system.parameters
+    evaluate(parameters, 0.0, *run.start, np.zeros(run.system.n))
+    exact = whole_forces(run, run.parts["block"].markers[marker], np.array(wrench, dtype=float))
+    np.testing.assert_allclose(parameters.contact.force[:, 0], exact, atol=2e-3 * exact.max())
+
+
+def test_the_balance_has_no_energy_of_a_load_that_shakes_the_face() -> None:
+    """What the contact's steps make or lose, beside the most that is stored in it."""
+    shaken = force_on("end", {"formula": "3000 + 2500*sin(2*pi*t/0.002)", "unit": "N"}, [1, 0, 0])
+    times = {"duration": "4 ms", "output_step": "20 us"}
+    run = cantilever(simulation=BLOCK["simulation"] | times | {"gravity": [0, 0, 0], "tip": "block.end"}, **shaken)
+    own = run.motion.contacts["wall"]
+    assert own.energy.max() > 0.0
+    assert np.abs(own.energy_error).max() < 0.01 * own.energy.max()
+    assert not contact_warnings(run)
