@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
+from fmd.output.contacts import contact_warnings
 
 ARM: dict[str, Any] = {
     "title": "Arm",
@@ -57,6 +59,20 @@ def impulse_left(run: Pipeline, joint: str) -> Array:
     steps = 0.5 * np.diff(motion.times)[:, None] * (force[1:] + force[:-1])
     momentum = motion.kinematics.momentum
     return np.asarray(momentum[1:] - momentum[0] - np.cumsum(steps, axis=0))
+
+
+def test_a_joint_that_deflects_a_face_beside_the_modes_is_warned_of(fallen: Pipeline) -> None:
+    """Static responses have what it deflects: they change the largest force by about the share."""
+    responses = arm(*FALLING, "body.arm.modes.enrich=inertia")
+    (share,) = (re.search(r"beside the modes by (\d+)%", own["text"]) for own in told_of_joints(fallen))
+    forces = [run.motion.contacts["stop"].largest[0] for run in (fallen, responses)]
+    assert share is not None
+    assert 0.01 * float(share.group(1)) == pytest.approx(1.0 - forces[0] / forces[1], abs=0.03)
+    assert not told_of_joints(responses)
+
+
+def told_of_joints(run: Pipeline) -> list[dict[str, str]]:
+    return [own for own in contact_warnings(run) if own["code"] == "contact-joint"]
 
 
 def test_joint_and_stop_together_change_the_momentum_of_an_arm(fallen: Pipeline) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fmd.contact.surfaces import find_rim, node_normals
-from fmd.core.limits.contact import FACE_ALIKE, RIGID_BESIDE
+from fmd.core.limits.contact import DEPTH_FRAMES, FACE_ALIKE, FELT_OF_JOINT, RIGID_BESIDE
 from fmd.recovery.motion import Motion
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.rigid_contacts import rigid_surface
@@ -53,3 +53,53 @@ def material_faults(run: Pipeline) -> Iterator[str]:
                         f"contact.{pair.name}: {place} is rigid before a face of elements, and its E of "
                         f"{surface.E:.3g} Pa counts for nothing; a surface of type 'file' gives way there, too"
                     )
+
+
+def joint_faults(run: Pipeline) -> Iterator[str]:
+    """Yield which joints deflect faces that are pressed by much beside the modes, which gaps don't feel.
+
+    The deflection is weighted by the forces of contact, whose own is the measure.
+    """
+    motion, touched = run.motion, run.motion.touched
+    if touched is None:
+        return
+    for body in motion.mechanism.contacts:
+        ends = [
+            (name, side, end.partition(".")[2])
+            for name, joint in run.scene.joint.items()
+            for side, end in enumerate((joint.parent, joint.child))
+            if end.partition(".")[0] == body.body and joint.kind.n_rates < 6
+        ]
+        ends = [each for each in ends if np.abs(body.points.yields.get(each[2], np.zeros(1))).max() > 0.0]
+        forces = touched.forces[body.body]
+        pressed = np.flatnonzero(forces.any(axis=(1, 2))) if ends else np.zeros(0, dtype=np.int64)
+        works, own = np.zeros(len(ends)), 0.0
+        for k in pressed[:: -(-len(pressed) // DEPTH_FRAMES) or 1].tolist():
+            part = motion.part(k, k + 1)
+            R, f = part.kinematics.frames[motion.mechanism.number_of(body.body)].rotation[0], forces[k]
+            own += float(np.einsum("na,namb,mb->", f, body.points.G, f))
+            for j, (name, side, marker) in enumerate(ends):
+                wrench = (part.joint_loads.reactions[name][0, side].reshape(2, 3) @ R).ravel()
+                works[j] += np.einsum("na,nak,k->", f, body.points.yields[marker], wrench)
+        for (name, _, marker), work in zip(ends, works, strict=True):
+            if abs(work) > FELT_OF_JOINT * own:
+                yield (
+                    f"joint.{name}: what it does at {body.body}.{marker} deflects faces in contact beside the modes by "
+                    f"{abs(work) / own:.0%} of what the contact does, which its gaps don't feel; more modes, or "
+                    f"body.{body.body}.modes.enrich = 'inertia', have it"
+                )
+
+
+def start_faults(run: Pipeline) -> Iterator[str]:
+    """Yield which contacts press from the start though nothing balances what presses them there, and so ring."""
+    (q, v), system, motion = run.start, run.system, run.motion
+    if run.scene.simulation.start == "equilibrium" or v.any():
+        return
+    pushed = bool(system.compiled.residual(0.0, q, v, v).any())
+    for name, own in motion.contacts.items():
+        begin, _ = own.span
+        if begin is not None and begin <= (2.0 * motion.trajectory.step if pushed else 0.0):
+            yield (
+                f"contact.{name}: presses from the start, undeformed under its loads, and rings about their balance; "
+                "simulation.start = 'equilibrium' begins there"
+            )

@@ -118,15 +118,17 @@ def step_key(scene: Scene, k: int) -> str:
 
 def remedies_of_contact(scene: Scene, k: int) -> str:
     """Say by which keys a scene with contacts takes longer steps in one of its runs: the end of a message."""
-    bodies = dict.fromkeys(body for _, body, _ in scene.touching_faces)
-    keys = " and ".join(
-        f"body.{name}.modes.enrich" for name in bodies if scene.with_its_basis(name).modes.enrich != "none"
-    )
-    bare = f"; {keys} = 'none' leaves out the fastest modes" if keys else ""
     return (
-        f"; simulation.step = 'auto' finds one{bare}; simulation.run.{k}.integrator = "
+        f"; simulation.step = 'auto' finds one{leave_fastest_out(scene)}; simulation.run.{k}.integrator = "
         f"'{name_methods('takes_contact', 'passes_over')}' with that takes longer ones, past what they don't resolve"
     )
+
+
+def leave_fastest_out(scene: Scene) -> str:
+    """Say by which keys bodies that touch leave out their fastest modes, if they have static responses."""
+    bodies = dict.fromkeys(body for _, body, _ in scene.touching_faces)
+    keys = [f"body.{name}.modes.enrich" for name in bodies if scene.with_its_basis(name).modes.enrich != "none"]
+    return f"; {' and '.join(keys)} = 'none' leaves out the fastest modes" if keys else ""
 
 
 def step_of_modes(built: Pipeline) -> float:

@@ -23,7 +23,7 @@ from fmd.integrators.side_by_side import time_by_turns
 from fmd.scene.run_table import SubCycledRun
 from fmd.stability.limits import longest_safe_step
 from fmd.stages.buckling import StiffnessChange, find_changes, require_unbuckled
-from fmd.stages.contact_steps import limit_contact_step, most_halvings, step_key, steps_settle
+from fmd.stages.contact_steps import leave_fastest_out, limit_contact_step, most_halvings, step_key, steps_settle
 from fmd.stages.found_together import known_marches, known_points
 from fmd.stages.like_mechanisms import build_like
 from fmd.stages.mechanism import find_start, place_joints
@@ -367,6 +367,8 @@ def _march(run: Pipeline, label: str, plan: Plan) -> Trajectory:
     try:
         with run.store.monitor(label) as advance, run.while_timed():
             return plan.march(run.output_times, advance)
+    except ConvergenceError as error:  # static responses may stall it at any step
+        raise ConvergenceError(f"{error}{leave_fastest_out(run.scene)}") from error
     except AccuracyError as error:
         if isinstance(error, InertiaError) or not run.scene.sampled:
             raise

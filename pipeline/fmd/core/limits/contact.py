@@ -57,6 +57,7 @@ LOST_ENERGY = 0.01  # of kinetic energy, contact's or its heat: more that contac
 ASLANT = 0.5  # [rad]: how far a picture of a face's pressure is taken beside its normal, and above it
 FEW_ON_MESH = 12  # points of a curved face that are pressed: fewer tell the force to less than 2 %
 FEW_POINTS = 32  # of a grid that are pressed: fewer tell the largest pressure to less than 2 %
+FELT_OF_JOINT = 0.05  # of the deflection by a contact itself: more by a joint, which gaps don't feel, is warned of
 UNSEEN_DEPTH = 0.01  # of points' largest extent, a radius, a box's least extent: how deep what feels no force may go
 FACE_ALIKE = 0.5  # cosine between normals of two faces where these are nearest, from which on one is inside out
 RIGID_BESIDE = 10.0  # times the E of a face of elements: what is stiffer takes less than a tenth of the deflection
