@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,6 +17,7 @@ from fmd.accuracy.contact_errors import contact_errors
 from fmd.core.errors import ConvergenceError, InputError
 from fmd.core.limits.contact import CHOSEN_STEP
 from fmd.core.limits.errors import SAFETY
+from fmd.integrators.exponential import Exponential
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.output.contacts import contact_warnings
 from fmd.output.summary import summarise
@@ -109,12 +113,13 @@ def with_tolerance(scene: dict[str, Any], tolerance: float, *overrides: str) -> 
     return Pipeline(load_scene(scene | {"simulation": scene["simulation"] | runs}, overrides))
 
 
-def on_a_slide(**joint: Any) -> Pipeline:
+def on_a_slide(*overrides: str, drive: Any = None, **joint: Any) -> Pipeline:
     """A steel ball that comes down on a slide, in 48 steps a shock."""
     slide = {"type": "prismatic", "parent": "ground", "child": "ball.centre", "axis": [0, 0, 1]}
     joints = {"slide": slide | {"position": RADIUS + 1e-6, "rate": -SPEED} | joint}
     floor = {"between": ["ground", "ball.skin"], "normal": [0, 0, 1]}
-    return Pipeline(load_scene(scene({"ball": BALL}, joints, {"floor": floor}, 3e-4, **EXACT)))
+    whole = scene({"ball": BALL}, joints, {"floor": floor}, 3e-4, **EXACT) | {"drive": drive or {}}
+    return Pipeline(load_scene(whole, overrides))
 
 
 EXACT: dict[str, Any] = {"run": [{"integrator": "exponential"}], "step": "2 us"}
@@ -132,10 +137,30 @@ def test_exponential_steps_keep_the_energy_of_a_scene_and_refuse_what_does_not()
     damped = {"slide": slide | {"position": "60 mm", "damper": "1 N s/m"}}
     with pytest.raises(InputError, match=r"loads in time and linear springs alone, without dampers"):
         _ = block(joint=damped, simulation=BLOCK["simulation"] | EXACT).motion  # far less than its modes' stiffness
+    later = {"type": "force", "joint": "slide", "force": {"formula": "1e9*t*q**2", "unit": "N"}}
+    with pytest.raises(InputError, match=r"loads in time and linear springs alone"):
+        _ = on_a_slide(drive={"later": later}).motion  # none at t = 0
     hinge = {"hinge": {"type": "revolute", "parent": "ground", "child": "ball.centre", "axis": [0, 1, 0]}}
     contact = {"floor": {"between": ["ground", "ball.skin"], "normal": [0, 0, 1]}}
     with pytest.raises(InputError, match=r"takes contacts of bodies that slide alone, and joint 'hinge' turns"):
         load_scene(scene({"ball": BALL}, hinge, contact, 3e-4, **EXACT))
+
+
+def test_exponential_steps_warn_where_they_spread_a_shock_and_take_no_friction_from_python() -> None:
+    runs = [on_a_slide(f"simulation.step={step} us") for step in (2, 40)]
+    assert [[own["code"] for own in contact_warnings(run)] for run in runs] == [[], ["contact-spread"]]
+    rough = on_a_slide("contact.floor.friction=0.1", "simulation.run.0.integrator=central-difference")
+    with pytest.raises(ValueError, match=r"takes no friction, damping or restitution in contacts: ball has some"):
+        Exponential(1e-6).march(rough.system, *rough.start, np.zeros(1))
+
+
+@pytest.mark.long  # kernels as they stand
+def test_runge_kutta_reads_no_slope_beyond_its_stages() -> None:
+    ball = "with_tolerance(scene({'ball': BALL}, {'free': free('ball.centre', [0, 0, 0], [0, 0, 1])}, {}, 1e-4), 1e-4)"
+    code = f"from tests.contact.test_contact_steps import *; print({ball}.motion.trajectory.q[-1, 2])"
+    kernels = os.environ | {"FMD_KERNELS": "python"}
+    found = subprocess.run([sys.executable, "-c", code], env=kernels, capture_output=True, text=True, check=False)
+    assert float(found.stdout) == pytest.approx(1e-4), found.stderr
 
 
 @pytest.mark.parametrize("speed", [0.05, 3.0])

@@ -222,9 +222,13 @@ def march_exactly(
 
     Raises
     ------
+    ValueError
+        A contact rubs, is damped, or loses energy in a shock.
     ConvergenceError
         Newton's iteration did not converge; the message has the time and the step.
     """
+    if lossy := [body.body for body in system.mechanism.contacts if body.is_lossy]:
+        raise ValueError(f"{name} takes no friction, damping or restitution in contacts: {', '.join(lossy)} has some")
     plain, n = CompiledSystem(replace(system.mechanism, contacts=())), system.n
     M, K, _ = plain.linear_matrices
     squared, modes = eigh(K, M)

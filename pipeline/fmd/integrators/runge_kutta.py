@@ -124,7 +124,8 @@ class RungeKutta(AdaptiveIntegrator):
 @inner
 def _add_slopes(m: _RungeKuttaSteps, row: int, h: float, base: Array, out: Array) -> None:
     """Add a row's weighted sum of the slopes times h to a state, into ``out``."""
-    add_weighted_rows(base, m.K, m.slope[row], m.weight[row], m.length[row], max(row - 1, 0), m.latest[row], h, out)
+    before = row - 1 if 0 < row < m.K.shape[0] else 0  # only stages have a slope just before
+    add_weighted_rows(base, m.K, m.slope[row], m.weight[row], m.length[row], before, m.latest[row], h, out)
 
 
 @inlined

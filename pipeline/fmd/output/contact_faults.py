@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from fmd.contact.surfaces import find_rim, node_normals
 from fmd.core.limits.contact import DEPTH_FRAMES, FACE_ALIKE, FELT_OF_JOINT, RIGID_BESIDE
+from fmd.integrators.exponential import Exponential
 from fmd.recovery.motion import Motion
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.rigid_contacts import rigid_surface
@@ -102,4 +103,15 @@ def start_faults(run: Pipeline) -> Iterator[str]:
             yield (
                 f"contact.{name}: presses from the start, undeformed under its loads, and rings about their balance; "
                 "simulation.start = 'equilibrium' begins there"
+            )
+
+
+def spread_faults(run: Pipeline) -> Iterator[str]:
+    """Yield which runs take steps that keep the energy of contacts at a length that spreads their forces."""
+    for motion in run.motions.values():
+        step, longest = motion.trajectory.step, run.system.shock_step
+        if motion.trajectory.integrator == Exponential.name and step > longest:
+            yield (
+                f"steps of {step:.3g} s keep the energy of contacts, but spread the forces of shocks, which rise in "
+                f"{longest:.3g} s; simulation.step = '{longest:.2g} s' resolves them"
             )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.errors import InputError
-from fmd.core.limits.contact import CHOSEN_STEP, HALVED_STEPS, LARGEST_STEP, LOST_ENERGY, SHOCK_STEPS
+from fmd.core.limits.contact import CHOSEN_STEP, HALVED_STEPS, LARGEST_STEP, LOOKED_AT, LOST_ENERGY, SHOCK_STEPS
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiled_system.shared import make_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -97,11 +97,12 @@ def require_linear_rest(scene: Scene, k: int, system: CompiledSystem) -> None:
     plain, rng = CompiledSystem(replace(system.mechanism, contacts=())), np.random.default_rng(0)
     M, K, C = plain.linear_matrices
     q, v = rng.standard_normal((2, plain.n))
-    found, rest = np.zeros((2, plain.n))
-    evaluate(plain.parameters, 0.0, q, v, found)
-    evaluate(plain.parameters, 0.0, 0.0 * q, 0.0 * v, rest)
-    linear = rest - np.linalg.solve(M, K @ q)
-    unlinear = np.abs(found - linear).max(initial=0.0) > SOLVED * np.abs(linear).max(initial=1.0)
+    pulled, (found, rest), unlinear = np.linalg.solve(M, K @ q), np.zeros((2, plain.n)), False
+    for t in scene.simulation.duration * rng.random(LOOKED_AT):
+        evaluate(plain.parameters, t, q, v, found)
+        evaluate(plain.parameters, t, 0.0 * q, 0.0 * v, rest)
+        largest = np.abs(rest - pulled).max(initial=1.0)
+        unlinear |= bool(np.abs(found - rest + pulled).max(initial=0.0) > SOLVED * largest)
     if plain.has_loops or C.any() or unlinear:  # dampers may be lost in the forces of stiff modes
         fault = (
             "keeps the energy of contacts beside gravity, loads in time and linear springs alone, without dampers, "
