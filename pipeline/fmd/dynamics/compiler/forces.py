@@ -7,11 +7,11 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.state_formula import VARIABLE
-from fmd.dynamics.compiler.algebra import Vector3, Vector6, add, constants, cross, subtract, times, transpose
+from fmd.dynamics.compiler.algebra import Vector3, Vector6, constants, cross, subtract, times, transpose
 from fmd.dynamics.compiler.bodies import AXES, Inertia, velocity_forces
 from fmd.dynamics.compiler.cleaning import clean_direction
 from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS, Coordinates
-from fmd.dynamics.compiler.elements import trace_actions, trace_elongation, trace_pair
+from fmd.dynamics.compiler.elements import trace_actions, trace_elongation
 from fmd.dynamics.compiler.formulas import trace_periodic_table, trace_program
 from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
 from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector
@@ -22,7 +22,6 @@ from fmd.dynamics.elements import PointSpring
 from fmd.dynamics.law_pieces import find_piecewise_laws
 from fmd.dynamics.links import PointLoad
 from fmd.dynamics.state_functions import HeldValue, JointValue, Measured, SignalValue, StateFunction
-from fmd.reduction.body import MarkerShapes
 
 
 class Forces(Protocol):
@@ -202,14 +201,14 @@ def point_load(
     inputs: Coordinates, frames: list[MovingFrame], frame: MovingFrame, at: PointLoad
 ) -> tuple[Vector6, Terms]:
     """Return the force and moment of a load on the body's frame, and the terms of its forces on the modes."""
-    marker, direction = _load_at_marker(inputs, frames, frame, at)
+    marker, direction = load_at_marker(inputs, frames, frame, at)
     if at.torque:
         moments = times(transpose(marker.A), direction)
         return constants(inputs.graph, [0.0] * 3) + direction, [(moments[i], marker.turns[i]) for i in AXES]
     return direction + cross(marker.arm, direction), [(direction[i], marker.slopes[i]) for i in AXES]
 
 
-def _load_at_marker(
+def load_at_marker(
     inputs: Coordinates, frames: list[MovingFrame], frame: MovingFrame, at: PointLoad
 ) -> tuple[MarkerMotion, Vector3]:
     """Return the marker that a load acts at, and its force or moment in the body's axes."""
@@ -217,36 +216,3 @@ def _load_at_marker(
     size = inputs.signal(at.size)[0] + trace_effort(inputs, frames, at.effort)
     direction = [size * float(x) for x in clean_direction(at.direction)]
     return marker, times(marker.R if at.following else transpose(frame.world[1]), direction)
-
-
-def trace_felt_forces(inputs: Coordinates, frames: list[MovingFrame]) -> list[list[Scalar]]:
-    """Trace force and moment of loads and force elements at the markers that points of each touching body feel.
-
-    Each body has a row, six values a marker, in its axes.
-    """
-    mechanism, none, rows = inputs.mechanism, constants(inputs.graph, [0.0] * 3), list[list[Scalar]]()
-    pairs = [(element, trace_pair(inputs, frames, element)) for element in mechanism.elements]
-    for own in mechanism.contacts:
-        frame = frames[mechanism.number_of(own.body)]
-        at = {name: constants(inputs.graph, [0.0] * 6) for name in own.felt}
-        for load in mechanism.loads:
-            if load.body == own.body:
-                _, acting = _load_at_marker(inputs, frames, frame, load)
-                _add_at_marker(at, frame, load.marker, none + acting if load.torque else acting + none)
-        for element, actions in pairs:
-            for end, action in zip(reversed(element.ends), actions, strict=True):
-                if end.body == own.body:
-                    into = transpose(frame.world[1])
-                    _add_at_marker(at, frame, end.marker, times(into, action.force) + times(into, action.moment))
-        rows.append([x for wrench in at.values() for x in wrench])
-    most = max(map(len, rows))
-    return [row + constants(inputs.graph, [0.0] * (most - len(row))) for row in rows]
-
-
-def _add_at_marker(at: dict[str, Vector6], frame: MovingFrame, marker: MarkerShapes, wrench: Vector6) -> None:
-    """Add a force and a moment to those at the named marker that has the same shapes."""
-    for name, others in at.items():
-        own = frame.link.markers[name]
-        if np.array_equal(own.position, marker.position) and np.array_equal(own.translation, marker.translation):
-            at[name] = add(others, wrench)
-            return

@@ -44,8 +44,7 @@ are filled:
   `frozen.trace_fast_step`;
 - ``origins`` (n_bodies, 3), ``rotations`` (n_bodies, 3, 3) and ``spins`` (n_bodies, 3): the bodies' frames and angular
   velocities in space;
-- ``felt`` (n_touching, most): force and moment at the markers whose loads points of touching bodies feel, six each, in
-  their bodies' axes;
+- ``felt`` (n_touching, most): force and moment at markers that touching bodies' points feel, in their bodies' axes;
 - ``energies`` (2,): kinetic and potential (strain, springs, weight) [J];
 - ``momenta`` (6,): linear [N s], and angular about the origin [N m s];
 - ``x`` and ``rates`` (n_laws,), ``vectors`` (n_laws, 3): elongations that force laws with short pieces depend on, their
@@ -65,14 +64,8 @@ from fmd.dynamics.compiler.closures import ConstrainedForces, MultiplierForces, 
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from fmd.dynamics.compiler.cycle import trace_cycle
 from fmd.dynamics.compiler.differentiate import differentiate
-from fmd.dynamics.compiler.forces import (
-    ActingForces,
-    GivenForces,
-    PushedForces,
-    trace_effort,
-    trace_elongations,
-    trace_felt_forces,
-)
+from fmd.dynamics.compiler.felt_forces import trace_felt_forces
+from fmd.dynamics.compiler.forces import ActingForces, GivenForces, PushedForces, trace_effort, trace_elongations
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.frozen import trace_drift, trace_fast_step, trace_single
 from fmd.dynamics.compiler.graph import Scalar, Vector, combine
@@ -289,10 +282,6 @@ def _frames(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return outputs
 
 
-def _felt_forces(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return [x for row, own in enumerate(trace_felt_forces(inputs, frames)) for x in _in_row("felt", row, own)]
-
-
 def _energies(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return _in_row("energies", 0, [trace_kinetic_energy(inputs, frames), trace_potential_energy(inputs, frames)])
 
@@ -417,7 +406,7 @@ DEFINITIONS = {
     "reactions": Definition((*_STATE, "f", "wrenches"), _reactions),
     "joint_loads": Definition((*_STATE, "a", "f", *_PUSH, "motions", "loads"), _joint_loads),
     "frames": Definition((*_STATE, "origins", "rotations", "spins"), _frames),
-    "felt": Definition((*_STATE, "felt"), _felt_forces),
+    "felt": Definition((*_STATE, "felt"), lambda inputs, frames: _in_row("felt", 0, trace_felt_forces(inputs, frames))),
     "energies": Definition((*_STATE, "energies"), _energies, seldom=True),
     "momenta": Definition((*_STATE, "momenta"), _momenta, seldom=True),
     "measured": Definition((*_STATE, "measured"), _measured),
