@@ -10,24 +10,17 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-
-from fmd.core.arrays import Array
-
-if TYPE_CHECKING:
-    from fmd.fem.markers import Marker
-    from fmd.fem.model import FEModel
-from typing import TYPE_CHECKING
-
 from scipy.linalg import eigh, null_space
 
+from fmd.core.arrays import Array
 from fmd.core.limits.modes import SOFTER
 from fmd.core.limits.rank import NEW_RESPONSE
 from fmd.reduction.modes import Modes, separate_modes
 
 if TYPE_CHECKING:
+    from fmd.fem.markers import Marker
     from fmd.fem.model import FEModel
     from fmd.reduction.eigen import FreeBodySolver
-
 
 PRODUCTS = tuple((a, b) for a in range(3) for b in range(a, 3))
 """Axes a ≤ b of the six products of two angular rates, in the order of `centrifugal_fields`."""
