@@ -8,6 +8,7 @@ import pytest
 
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.cache import Cache
+from fmd.core.limits.errors import SAFETY
 from fmd.core.limits.stepping import FEWEST_TIMES
 from fmd.integrators.automatic import Automatic
 from fmd.integrators.protocol import Trajectory
@@ -93,7 +94,7 @@ def test_points_by_auto_share_a_choice_that_each_of_them_checks_by_marches_of_it
     motion = SolvedScene(exact, Cache(None)).run.motion
     for joint, angle in motion.final()["joint_positions"].items():
         error = abs(rows[1]["final"]["joint_positions"][joint] - angle) / np.ptp(motion.joint_position(joint))
-        assert error < rows[1]["error"] < 1e-2
+        assert error < rows[1]["error"] < SAFETY * 1e-2
 
 
 def test_the_first_points_of_a_process_take_the_body_and_the_mechanism_of_its_very_first(
