@@ -324,6 +324,14 @@ def undeferred_types(sources: Sources) -> Iterator[str]:
             yield f"{module} imports for types alone and doesn't defer its annotations"
 
 
+def early_main_guards(sources: Sources) -> Iterator[str]:
+    """What stands below the guard isn't there yet when the module is called by `python -m`."""
+    for module, source in sources.items():
+        body = parse(source).body if "__main__" in source else []
+        for node in filter(_is_main_guard, body[:-1]):
+            yield f"{module}:{node.lineno} runs before the functions below it are there"
+
+
 def _is_main_guard(node: ast.stmt) -> bool:
     return isinstance(node, ast.If) and ast.unparse(node.test) == "__name__ == '__main__'"
 
@@ -371,6 +379,7 @@ RULES: list[Callable[[Sources], Iterator[str]]] = [
     unexplained_numbers,
     guessed_abilities,
     undeferred_types,
+    early_main_guards,
 ]
 
 
@@ -418,6 +427,7 @@ def test_every_test_asserts() -> None:
         (unexplained_numbers, {"fmd.core.limits.a": "# Of all.\n\nMOST = 3"}, "3 has no comment"),
         (guessed_abilities, {"fmd.integrators.a": "loops = hasattr(s, 'loops')"}, "a:1 looks for an attribute"),
         (undeferred_types, {"fmd.fem.a": "\nif TYPE_CHECKING:\n    import fmd.core.b"}, "a imports for types alone"),
+        (early_main_guards, {"fmd.fem.a": "if __name__ == '__main__':\n    f()\ndef f(): pass"}, "a:1 runs before"),
         (assertionless_tests, {"tests.test_a": "def test_f(): g()\ndef g(): pass"}, "test_f asserts nothing"),
     ],
 )

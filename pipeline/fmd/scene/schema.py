@@ -172,10 +172,6 @@ def to_markdown(text: str) -> str:
     return re.sub(r"\s+", " ", text.replace("``", "`")).strip()
 
 
-if __name__ == "__main__":
-    sys.stdout.write(write_schema())
-
-
 TO_TOOLS = ("type: ignore", "noqa", "pragma")
 
 
@@ -225,3 +221,7 @@ def _comment(field: ast.AnnAssign, lines: Sequence[str]) -> str:
     above = takewhile(lambda line: line.startswith("# "), (x.strip() for x in lines[field.lineno - 2 :: -1]))
     told = [text for text in beside if not text.startswith(TO_TOOLS)]
     return " ".join(told or [line[2:] for line in [*above][::-1]])
+
+
+if __name__ == "__main__":
+    sys.stdout.write(write_schema())
