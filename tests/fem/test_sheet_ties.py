@@ -112,9 +112,37 @@ def test_a_rib_on_a_plate_is_as_if_it_had_its_nodes(gap: float) -> None:
     )
 
 
+def test_all_edges_of_a_sheet_may_be_named_where_one_is_near() -> None:
+    """A triangle in a corner has all its nodes on them, and is no face; of sides away from it only an end is near."""
+    (one, cells), (other, more) = (
+        sheet((6, 5), "quadrilateral", (0.0, 0.0), (0.6, 0.4)),
+        sheet((4, 3), "quadrilateral", (0.6, 0.0), (1.0, 0.4)),
+    )
+    halves = [np.concatenate([each[:, [0, 1, 2]], each[:, [0, 2, 3]]]) for each in (cells, more)]
+    mesh = two((one, halves[0]), (other, halves[1]), 0.02)
+    near = [np.flatnonzero(np.abs(x[:, 0] - 0.6) < 1e-9) for x in (one, other)]
+    ends = [
+        np.flatnonzero((np.ptp(x, axis=0) * (x - x.min(axis=0)) * (x.max(axis=0) - x))[:, :2].min(axis=1) < 1e-9)
+        for x in (one, other)
+    ]
+    assert any(np.isin(each, ends[0]).all() for each in halves[0])
+    wanted = hz(tied(mesh, len(one) + near[1], near[0]), 6)
+    assert hz(tied(mesh, len(one) + ends[1], ends[0]), 6) == pytest.approx(wanted, rel=1e-9)
+
+
+def test_a_narrow_sheet_on_a_long_edge_holds_either_way() -> None:
+    one, other = (
+        sheet((6, 10), "quadrilateral", (0.0, 0.0), (0.6, 0.4)),
+        sheet((4, 4), "quadrilateral", (0.6, 0.07), (1.0, 0.23)),
+    )
+    n, mesh = len(one[0]), two(one, other, 0.02)
+    onto, face = (np.flatnonzero(np.abs(x[:, 0] - 0.6) < 1e-9) for x, _ in (one, other))
+    assert hz(tied(mesh, n + face, onto), 6) == pytest.approx(hz(tied(mesh, onto, n + face), 6), rel=1e-2)
+
+
 def test_two_sheets_glued_on_their_faces_are_one_of_both_thicknesses() -> None:
-    one = sheet((20, 8), "quadrilateral", (0.0, 0.0), (1.0, 0.4))
-    x, cells = sheet((23, 9), "quadrilateral", (0.0, 0.0), (1.0, 0.4))
+    one = sheet((12, 5), "quadrilateral", (0.0, 0.0), (1.0, 0.4))
+    x, cells = sheet((13, 6), "quadrilateral", (0.0, 0.0), (1.0, 0.4))
     n = len(one[0])
     fe = tied(two(one, (x + np.array([0, 0, 0.01]), cells), 0.01), n + np.arange(len(x)), np.arange(n))
     wanted = hz(assemble(shell_mesh(*one, 0.02), 1, METAL), 6)

@@ -112,7 +112,8 @@ def follow_edge(sheet: ShellNodes, given: TiedFaces) -> tuple[IntArray, IntArray
     """
     sides, owner = sheet.sides(np.unique(given.face))
     carriers = sheet.whole(given.onto)
-    carriers = carriers if len(carriers) else np.unique(sheet.sides(np.unique(given.onto))[1])
+    if not np.isin(given.onto, sheet.cells[carriers]).all():  # an edge, of which a corner may be a whole triangle
+        carriers = np.union1d(carriers, sheet.sides(np.unique(given.onto))[1])
     for name, found in (("first", sides), ("second", carriers)):
         if not len(found):
             raise ValueError(f"{given.label}: no side of a shell is on the {name} face")
@@ -237,7 +238,7 @@ def _dual_weights(at: _Points, sides: IntArray, x: Array) -> tuple[IntArray, sp.
     np.add.at(products, at.side, at.weights[:, None, None] * N[:, :, None] * N[:, None])
     integrals = products.sum(axis=2)
     lengths = np.linalg.norm(x[sides[:, 1]] - x[sides[:, 0]], axis=1)
-    used = np.bincount(at.side, at.weights, n) > TIE_COVERED * lengths
+    used = np.linalg.det(products) > TIE_COVERED**4 / 12 * lengths**2  # of that share in one piece
     dual = np.zeros_like(products)
     dual[used] = integrals[used, :, None] * np.linalg.inv(products[used])
     values = np.einsum("qab,qb->qa", dual[at.side], N) * at.weights[:, None]
