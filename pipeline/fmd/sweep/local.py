@@ -21,6 +21,7 @@ from multiprocessing.context import BaseContext
 from multiprocessing.forkserver import ensure_running
 from typing import TYPE_CHECKING, Any
 
+from fmd.core.errors import InputError
 from fmd.core.limits.memory import POINTS_AT_ONCE
 from fmd.core.limits.patience import POINT_TRIES, ROUNDS_OF_POINTS
 from fmd.sweep.record import Record, Wanted, interrupted_record
@@ -58,14 +59,21 @@ def _processes() -> BaseContext:
 
 
 class _Worker:
-    """A process that computes the scenes sent to it, some at a time, and sends back each as it is done."""
+    """A process that says when it is ready, computes the scenes sent to it, and sends back each as it is done.
+
+    Raises ``InputError`` if none can be started.
+    """
 
     def __init__(self) -> None:
+        self.ready = False
         prepare_workers()
         processes: Any = _processes()
         self.connection, theirs = processes.Pipe()
         self.process = processes.Process(target=_serve, args=(theirs,), daemon=True)
-        self.process.start()
+        try:
+            self.process.start()
+        except (EOFError, ConnectionError):  # the process that it is a copy of ended, as it loaded, say
+            raise InputError("--workers", "", None, "processes can't be started; is memory short?") from None
         theirs.close()  # so that this end reads the end of the file when the process dies
 
     def stop(self) -> None:
@@ -79,11 +87,17 @@ def compute_locally(scenes: Mapping[str, Scene], workers: int, wanted: Wanted) -
 
     A scene whose process dies is tried once more, and whatever was sent with it one by one. If this process dies, its
     workers die too.
+
+    Raises
+    ------
+    InputError
+        Processes die one after the other before they are ready, whatever they were to compute.
     """
-    tries = Counter[str]()
+    tries, unready = Counter[str](), 0  # times that each scene was alone, and processes in a row that weren't ready
     at_once = min(POINTS_AT_ONCE, -(-len(scenes) // (ROUNDS_OF_POINTS * workers)))
     waiting = deque([*scenes][first : first + at_once] for first in range(0, len(scenes), at_once))
     idle = [_Worker() for _ in range(min(workers, len(scenes)))]
+    most = max(len(idle), POINT_TRIES)
     busy: dict[Connection, tuple[_Worker, list[str]]] = {}
     try:
         while waiting or busy:
@@ -92,7 +106,6 @@ def compute_locally(scenes: Mapping[str, Scene], workers: int, wanted: Wanted) -
                 if not worker.process.is_alive():  # it died after its last scene
                     worker.stop()
                     worker = _Worker()
-                tries.update(keys if len(keys) == 1 else ())
                 with suppress(OSError):  # it died just now, which recv below notices
                     worker.connection.send(({key: scenes[key] for key in keys}, wanted))
                 busy[worker.connection] = worker, keys
@@ -100,10 +113,19 @@ def compute_locally(scenes: Mapping[str, Scene], workers: int, wanted: Wanted) -
                 assert isinstance(connection, Connection)
                 worker, keys = busy[connection]
                 try:
-                    key, record = connection.recv()
+                    answer = connection.recv()
+                    if answer is None:
+                        worker.ready, unready = True, 0
+                        continue
+                    key, record = answer
                 except (EOFError, OSError):
                     del busy[connection]
                     worker.stop()
+                    if not worker.ready:
+                        unready += 1
+                        _require_start(unready, most, worker.process.exitcode)
+                    elif len(keys) == 1:
+                        tries.update(keys)
                     idle.append(_Worker())
                     if tries[keys[0]] < POINT_TRIES:
                         waiting.extend([key] for key in keys)
@@ -121,18 +143,26 @@ def compute_locally(scenes: Mapping[str, Scene], workers: int, wanted: Wanted) -
             worker.stop()
 
 
+def _require_start(unready: int, most: int, status: int | None) -> None:
+    """Raise ``InputError`` if as many processes in a row as were started first ended before they were ready."""
+    if unready >= most:
+        mend = f"{unready} processes in a row ended with status {status} before they could compute a point"
+        raise InputError("--workers", "", None, f"{mend}; what is done is kept. Fewer need less memory")
+
+
 def _serve(connection: Connection) -> None:
     """Answer scenes with the record of each, until the connection is closed."""
     os.environ |= dict.fromkeys(_THREADS, "1")  # before NumPy is loaded, if it isn't yet
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which stops its workers
     threading.Thread(target=_die_with_parent, daemon=True).start()
+    from fmd.sweep.work import compute_points
+
+    connection.send(None)
     while True:
         try:
             scenes, wanted = connection.recv()
         except EOFError:
             return
-        from fmd.sweep.work import compute_points
-
         for key, record in compute_points(scenes, wanted):
             connection.send((key, record))
 
