@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.accuracy.details import detail_variables, is_place, round_off_sizes
+from fmd.accuracy.error_estimates import OrientationQuantity
+from fmd.accuracy.quantities import motion_quantities
 from fmd.accuracy.requested_stress import EXTREMES
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.limits.recovery import MISSED_PEAK
@@ -103,23 +105,28 @@ def find_missed_peaks(run: Pipeline, variables_of: Callable[[Motion], Iterable[V
 
 
 def largest_between(run: Pipeline) -> dict[str, float]:
-    """Return the largest sizes of rows of the budget with those between output times, where these are larger, by name.
+    """Return the largest sizes of rows of the budget at all output times and between them, by name.
 
-    Stress is that where it is largest at the output times. How far places are from where they started is no size.
+    Stress is that where it is largest at the output times. Angles that bodies turn, half a turn at most, have none.
     """
     stressed = {name: run.stress_of(name) for name, part in run.wholes.items() if part.has_stress and name in run.parts}
     worst = {name: stress.worst()[1] for name, stress in stressed.items()}
+    starts: dict[str, Array] = {}  # of places, whose sizes are how far they are from there
 
     def variables_of(motion: Motion) -> Iterator[Variable]:
         for variable in detail_variables(run.scene, motion):
-            if variable.dims != ("quaternion",) and not is_place(variable):
+            if is_place(variable):
+                start = starts.setdefault(variable.name, variable.values[0])
+                yield variable._replace(values=variable.values - start)
+            elif variable.dims != ("quaternion",):
                 yield variable
-        energies = zip(("kinetic energy", "potential energy"), motion.energies, strict=True)
-        yield from (Variable(name, values, (), "J", "") for name, values in energies)
+        for name, row in motion_quantities(motion, motion).items():
+            if not isinstance(row, OrientationQuantity):
+                yield Variable(name, row.values, (), row.unit, "")
         yield from (stress_variable(run, body, node, motion) for body, node in worst.items())
 
     peaks = find_missed_peaks(run, variables_of)
-    return {name: peak.at_outputs * (1.0 + peak.part) for name, peak in peaks.items() if 0.0 < peak.part < math.inf}
+    return {name: peak.at_outputs * (1.0 + peak.part) for name, peak in peaks.items() if peak.part < math.inf}
 
 
 def stress_variable(run: Pipeline, body: str, node: int, motion: Motion) -> Variable:

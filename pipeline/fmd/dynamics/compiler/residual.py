@@ -3,8 +3,8 @@
 The recursive Newton–Euler algorithm (Featherstone 2008, chapter 5) with the bodies' modes: accelerations are carried
 outwards, and the forces that they take inwards. No matrix is formed.
 
-So it has the force that moves a body and all that it carries, whatever
-acts along the joint: what bears, springs, dampers, drives, friction and gears together.
+A joint's load is the force that moves a body and all that it carries, whatever acts along the joint: what bears,
+springs, dampers, drives, friction and gears together.
 """
 
 from dataclasses import dataclass
