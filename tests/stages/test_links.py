@@ -183,6 +183,78 @@ def test_a_link_of_a_deck_is_that_of_the_scenes_keys_from_modes_to_motion(deck: 
     assert found.run.part.mesh_notes[-1] == "links and masses of the file belong to the body: 1 *RIGID BODY, 1 MASS"
 
 
+BAR_LINKS = """*NODE
+901, 0.3, 0.005, 0.05
+902, 0.3, 0.005, 0.05
+*RIGID BODY, NSET=END, REF NODE=901
+*ELEMENT, TYPE=MASS, ELSET=LUMP
+2001, 901
+*MASS, ELSET=LUMP
+0.4
+*ELEMENT, TYPE=MASS, ELSET=WEIGHT
+2002, {middle}
+*MASS, ELSET=WEIGHT
+0.02
+*ELEMENT, TYPE=SPRING2, ELSET=SPRING
+2003, 901, 902
+*SPRING, ELSET=SPRING
+3, 3
+5e4
+*ELEMENT, TYPE=MASS, ELSET=HUNG
+2004, 902
+*MASS, ELSET=HUNG
+0.1
+*EQUATION
+2
+902, 1, 1., 901, 1, -1.
+*EQUATION
+2
+902, 2, 1., 901, 2, -1.
+"""
+
+
+def bar_deck(shells: bool) -> str:
+    """A bar of 12 hexahedra, or a strip of 24 shells, with a weight in the middle, links and a spring at its end."""
+    n, rows = 12, 3 if shells else 4
+    y = {k: (0.005 * k, 0.0) if shells else (0.01 * (k in (1, 2)), 0.01 * (k in (2, 3))) for k in range(rows)}
+    lines = ["*NODE", *(f"{rows * i + k + 1}, {0.3 * i / n}, {y[k][0]}, {y[k][1]}" for i in range(n + 1) for k in y)]
+    lines.append(f"*ELEMENT, TYPE={'S4' if shells else 'C3D8'}, ELSET=ALL")
+    for i in range(n):
+        here, there = rows * i + 1, rows * (i + 1) + 1
+        if shells:
+            rings = [(here + k, there + k, there + k + 1, here + k + 1) for k in (0, 1)]
+        else:
+            rings = [(*range(here, here + 4), *range(there, there + 4))]
+        lines += [", ".join(map(str, (10 * i + k + 1, *ring))) for k, ring in enumerate(rings)]
+    lines += ["*SHELL SECTION, ELSET=ALL", "0.01"] if shells else []
+    end = range(rows * (n - shells) + 1, rows * (n + 1) + 1)  # of shells the last two rows, about which they can turn
+    for name, nodes in (("ROOT", range(1, rows + 1)), ("END", end)):
+        lines += [f"*NSET, NSET={name}", ", ".join(map(str, nodes))]
+    return "\n".join([*lines, BAR_LINKS.format(middle=rows * n // 2 + 1)])
+
+
+@pytest.mark.parametrize("shells", [False, True], ids=["solid", "shell"])
+def test_a_body_is_cut_with_its_decks_links_springs_and_masses(shells: bool, tmp_path: Path) -> None:
+    (tmp_path / "bar.inp").write_text(bar_deck(shells))
+    table = scene()
+    body = table["body"]["bar"]
+    for key in ("shape", "length", "depth", "width"):
+        del body[key]
+    body |= {"mesh": {"file": str(tmp_path / "bar.inp"), "unit": "m"} | ({"shell": "deck"} if shells else {})}
+    body |= {"marker": {"root": {"face": "ROOT"}, "end": {"link": "901"}}, "link": {}}
+    body |= {"mass": {"motor": {"at": "901", "mass": "0.1 kg", "inertia": INERTIA}}, "modes": {"count": 8}}
+    table["simulation"]["duration"] = "4 ms"
+    one = fmd.load(table)
+    body["pieces"] = 2
+    two = fmd.load(table)
+    first, last = two.run.division.divided["bar"].pieces
+    assert (last.mass - first.mass, first.mass + last.mass) == pytest.approx((0.6 - 0.02, one.run.part.mass), rel=1e-9)
+    found, wanted = two.run.division.divided["bar"].frequencies_hz[:3], one.modes.frequencies_hz[:3]
+    assert found == pytest.approx(wanted, rel=1e-3)
+    if not shells:
+        assert two.motion.tip_position == pytest.approx(np.asarray(one.motion.tip_position), abs=1e-8)  # falls by 78 µm
+
+
 MOTOR_KEYS = """[body.bracket.link]
 bore = { face = "BORE", type = "rigid", at = ["42 mm", "0 mm", "30 mm"] }
 
@@ -198,7 +270,7 @@ motor = { at = "bore", mass = "0.4 kg" }
         (("link = 9001", "link = 9002"), "marker.seat.link = '9002': no such link; did you mean '9001'?"),
         (("bracket.inp", "bare.inp"), "marker.seat.link = '9001': is of a deck without links"),
         (('unit = "m"', 'unit = "mm"'), "has MASS 90001; say the file's unit, mesh.mass_unit"),
-        (("modes = {", "pieces = 2\nmodes = {"), "pieces = 2: .* links"),
+        (("modes = {", "pieces = 4\nmodes = {"), r"mesh.file: \*RIGID BODY 1 extends over 2 of the body's 4 pieces"),
     ],
 )
 def test_links_of_decks_that_cannot_be_had_are_refused_by_key(

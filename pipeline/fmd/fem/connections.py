@@ -6,8 +6,9 @@ turns this into links of the finite element model.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -106,6 +107,15 @@ class Connections:
     def mass(self) -> float:
         """Sum of the lumped masses."""
         return sum(each.mass for each in self.masses)
+
+    def only(self, kept: Collection[Connection]) -> Connections:
+        """Return some of the connections, which are objects of this one, with all its points."""
+        ids = {id(each) for each in kept}
+        kinds: dict[str, Any] = {
+            kind: tuple(each for each in getattr(self, kind) if id(each) in ids)
+            for kind in ("rigid", "mean", "equations", "springs", "masses", "ties")
+        }
+        return replace(self, **kinds)
 
     def count(self) -> dict[str, int]:
         """Count the connections by the first word of their labels."""

@@ -129,10 +129,11 @@ def _piece(body: Flexible, name: str, k: int, cut: CutPart, elements: Mapping[st
         for at, link in body.link.items()
         if face_of(link_name(at)) in piece.mesh.faces
     }
+    hung = {at.casefold() for at in (*links, *(piece.mesh.connections.names if piece.mesh.connections else ()))}
     masses = {
         at: mass.model_copy(update={"centre": _place_in_piece(mass.centre, piece.offset)})
         for at, mass in body.mass.items()
-        if mass.at in links
+        if mass.at.casefold() in hung
     }
     changes = {"marker": markers, "modes": modes, "element": own, "support": body.support if k == 0 else ()}
     changes |= {"link": links, "mass": masses}

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.encoding import encode
 from fmd.core.limits.mesh import GRID
 
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ class PieceMesh:
         if self.mesh.midsurface is not None:
             h.update(np.ascontiguousarray(self.mesh.midsurface.nodes).tobytes())
             h.update(np.ascontiguousarray(self.mesh.midsurface.owner).tobytes())
+        if self.mesh.connections is not None:
+            h.update(encode(self.mesh.connections))
         for name, marker in self.given.items():
             h.update(f"{name}:{len(marker.nodes)}".encode())
             for array in (marker.position, marker.nodes, marker.translation_weights, marker.rotation_weights):
@@ -101,6 +104,11 @@ def face_of(marker: str) -> str:
 def link_name(link: str) -> str:
     """Return the name of a link among the markers of a part; no marker of a scene has a colon in its name."""
     return f"link:{link}"
+
+
+def deck_name(number: int, label: str) -> str:
+    """Return the name, among the markers of a part, of a group of the deck's links by the label of its first."""
+    return f"deck:{number}:{label}"
 
 
 def round_to_grid(x: Array, extent: float) -> Array:

@@ -18,13 +18,26 @@ from scipy.spatial import cKDTree
 from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.mesh import CONTACT, MOST_OF_PIECE, MOVES, SAME_PLACE
+from fmd.fem.connections import Connections
 from fmd.fem.markers import facets_on_face
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.partition import PartitionError, divide_mesh, facet_areas, interior_facets, join_fragments, joined_nodes
 from fmd.fem.space import Discretisation
 from fmd.scene.places import MarkerPlace
+from fmd.stages.deck_pieces import connections_on, group_connections
 from fmd.stages.markers import find_link_facets, find_marker_facets, fixed_unknowns
-from fmd.stages.piece_mesh import CLOSING, ROOT_CUT, Cut, CutPart, PieceMesh, face_of, link_name, round_to_grid
+from fmd.stages.meshing.bodies import find_name
+from fmd.stages.piece_mesh import (
+    CLOSING,
+    ROOT_CUT,
+    Cut,
+    CutPart,
+    PieceMesh,
+    deck_name,
+    face_of,
+    link_name,
+    round_to_grid,
+)
 
 if TYPE_CHECKING:
     from fmd.stages.part import FlexiblePart
@@ -42,22 +55,23 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
     key, space = f"body.{part.name}", part.plain_space
     if not part.joint.marker:
         raise InputError(part.file, f"{key}.pieces", count, "the body hangs on no joint: it has modes, but no motion")
-    if part.plain_mesh.connections is not None:
-        raise InputError(
-            part.file,
-            f"{key}.pieces",
-            count,
-            "is of a body without links of a deck; those of the scene are cut with it",
-        )
     faces = find_marker_facets(part.shape, space, part.file, part.name)
     links = find_link_facets(part.shape, space, part.file, part.name)
     linked = {name: _elements_around(space, facets) for name, facets in links.items()}
     markers = {link_name(name): mine for name, mine in linked.items()}
+    deck, hung = part.plain_mesh.connections, dict[str, Connections]()
+    with as_input_error(part.file, f"{key}.pieces", count, of=PartitionError):
+        for k, (group, mine) in enumerate(group_connections(deck, space) if deck else ()):
+            name = deck_name(k, group.all[0].label)
+            hung[name], markers[name] = group, mine
+            linked |= {at: mine for at, point in group.names.items() if point in group.points}
     markers |= {name: np.unique(space.boundary_facets[0][facets]) for name, facets in faces.items()}
     for name, at in part.shape.marker.items():
         if name not in faces:
+            own = part.markers[name].nodes  # which refuses links that aren't there
             link = at.link if isinstance(at, MarkerPlace) else None
-            markers[name] = linked[link] if link else _elements_among(space, part.markers[name].nodes)
+            found = linked[find_name(linked, link, part.file, f"{key}.marker.{name}.link", "link")] if link else None
+            markers[name] = _elements_among(space, own) if found is None else found
     faces |= {link_name(name): facets for name, facets in links.items()}
     with as_input_error(part.file, f"{key}.pieces", count, of=PartitionError):
         labels = divide_mesh(space, count, list(markers.values()))
@@ -70,7 +84,10 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
     labels = number[labels]
     _require_supports_on_first(part, labels)
     places = {name: int(labels[of[0]]) for name, of in markers.items()}
-    pieces = (_piece(part, k, labels, places, faces, cuts, elements, local) for k in range(count))
+    pieces = []
+    for k in range(count):
+        on_it = [group for name, group in hung.items() if places[name] == k]
+        pieces.append(_piece(part, k, labels, places, faces, cuts, elements, local, on_it))
     return CutPart(tuple(pieces), tuple(cuts))
 
 
@@ -94,8 +111,11 @@ def _keep_markers_whole(part: FlexiblePart, labels: IntArray, markers: Mapping[s
         for name, elements in markers.items():
             found = np.bincount(labels[elements], volumes[elements], minlength=count)
             if np.count_nonzero(found) > 1 and found.sum() > MOST_OF_PIECE * volumes.sum() / count:
-                key = f"body.{part.name}.{name.replace(':', '.') if ':' in name else 'marker.' + name}"
-                over = f"its face extends over {np.count_nonzero(found)} of the body's {count} pieces"
+                kind, _, label = name.rpartition(":")
+                of_deck = kind.startswith("deck")
+                key = f"body.{part.name}.{'mesh.file' if of_deck else (kind or 'marker') + '.' + label}"
+                what = label if of_deck else "its face"
+                over = f"{what} extends over {np.count_nonzero(found)} of the body's {count} pieces"
                 raise InputError(part.file, key, None, f"{over}; take fewer pieces or a smaller face")
             moved[elements] = found.argmax()
         joined = join_fragments(moved, pairs, volumes, count)
@@ -151,8 +171,9 @@ def _piece(
     cuts: Sequence[Cut],
     elements: IntArray,
     local: IntArray,
+    hung: Sequence[Connections],
 ) -> PieceMesh:
-    """Make the mesh of one piece, with a face for each of its markers."""
+    """Make the mesh of one piece, with a face for each of its markers and the links of the deck that are on it."""
     space, mesh = part.plain_space, part.plain_mesh
     mine = np.flatnonzero(labels == k)
     corners = space.kind.facet_corners
@@ -161,7 +182,7 @@ def _piece(
     for name, at in places.items():
         if at != k:
             continue
-        own += [] if name.startswith(link_name("")) else [name]
+        own += [] if ":" in name else [name]
         if name in faces:
             found[face_of(name)] = of_boundary[faces[name]], number[faces[name]]
     at_cuts = []
@@ -194,7 +215,13 @@ def _piece(
     midsurface = mesh.midsurface and mesh.midsurface.of_points(used[order])
     if midsurface is not None:
         midsurface = replace(midsurface, nodes=round_to_grid(midsurface.nodes - offset, extent))
-    piece = SolidMesh(points, cells[cell_order], mesh.cell_type, parts, faces, midsurface=midsurface)
+    links = None
+    if mesh.connections and (kept := [each for group in hung for each in group.all]):
+        of_nodes = (used[order], len(mesh.points))
+        if mesh.midsurface is not None:
+            of_nodes = np.unique(mesh.midsurface.owner[used]), len(mesh.midsurface.nodes)
+        links = connections_on(mesh.connections.only(kept), *of_nodes, offset)
+    piece = SolidMesh(points, cells[cell_order], mesh.cell_type, parts, faces, connections=links, midsurface=midsurface)
     return PieceMesh(mine[cell_order], piece, offset, tuple(at_cuts), tuple(own))
 
 
