@@ -57,6 +57,17 @@ def test_a_tie_of_meshes_that_match_is_as_good_as_common_nodes(
     assert by_scene == pytest.approx(wanted, rel=1e-9)
 
 
+def test_parts_that_a_tie_alone_joins_are_not_cut(tmp_path: Path) -> None:
+    (tmp_path / "bars.inp").write_text(deck(apart=True) + TIE)
+    body = {"mesh": {"file": str(tmp_path / "bars.inp"), "unit": "m"}, "E": 70e9, "nu": 0.3, "rho": 2700.0}
+    body |= {"modes": {"count": 4}, "pieces": 2, "marker": {"root": {"face": "FLOOR"}}}
+    joint = {"hinge": {"type": "revolute", "parent": "ground", "child": "bars.root", "axis": [0, 1, 0]}}
+    times = {"duration": "1 ms", "output_step": "1 ms", "tip": "bars.root", "run": [{"integrator": "runge-kutta"}]}
+    scene = {"title": "Bars", "body": {"bars": body}, "joint": joint, "simulation": times}
+    with pytest.raises(InputError, match="pieces = 2: its deck's links or ties alone join parts of the mesh"):
+        _ = fmd.load(scene).run.division
+
+
 @pytest.mark.parametrize(
     ("text", "mesh", "message"),
     [
@@ -111,3 +122,28 @@ def test_edges_of_shells_are_tied_by_a_deck_and_by_the_scene(
         frequencies(
             tmp_path, sheets(apart=True) + surfaces.replace("5, E4", "5, E5").replace("5, S6", "5, E5"), shell="deck"
         )
+    surfaces = surfaces.replace(edges, f"{edges}\n7, SPOS")
+    with pytest.raises(InputError, match="names the surface ONE, which has faces and edges of shells; split it"):
+        frequencies(tmp_path, sheets(apart=True) + surfaces + "*TIE, NAME=T\nONE, OTHER\n", shell="deck")
+
+
+def test_named_curves_of_gmsh_are_tied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    wanted = frequencies(tmp_path, sheets(apart=False), shell="deck")
+    nodes = {k: (0.3 * (k // 3 - k // 9), 0.2 * (k % 3), 0.0) for k in range(18)}  # the third row twice
+    quads = [(a, a + 3, a + 4, a + 1) for a in (0, 1, 3, 4, 9, 10, 12, 13)]
+    lines = [(6, 7), (7, 8), (9, 10), (10, 11)]
+    elements = [(3, 1 + k // 4, quad) for k, quad in enumerate(quads)] + [
+        (1, 3 + k // 2, line) for k, line in enumerate(lines)
+    ]
+    text = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", "4", '2 1 "left"', '2 2 "right"']
+    text += ['1 3 "rim"', '1 4 "seam"', "$EndPhysicalNames", "$Nodes", str(len(nodes))]
+    text += [f"{k + 1} {x} {y} {z}" for k, (x, y, z) in nodes.items()]
+    text += ["$EndNodes", "$Elements", str(len(elements))]
+    rows = [(kind, 2, of, of, *(n + 1 for n in own)) for kind, of, own in elements]
+    text += [" ".join(map(str, (k, *row))) for k, row in enumerate(rows, start=1)]
+    (tmp_path / "sheets.msh").write_text("\n".join([*text, "$EndElements", ""]))
+    mesh = {"file": "sheets.msh", "unit": "m", "shell": "10 mm", "tie": [{"face": "seam", "onto": "RIM"}]}
+    body = {"mesh": mesh, "E": 70e9, "nu": 0.3, "rho": 2700.0, "modes": {"count": 6}}
+    found = fmd.load({"title": "Sheets", "body": {"sheets": body}}).modes.frequencies_hz
+    assert found == pytest.approx(wanted, rel=1e-9)

@@ -40,6 +40,7 @@ class Deck:
         self.node_sets: dict[str, list[Item]] = defaultdict(list)
         self.element_sets: dict[str, list[Item]] = defaultdict(list)
         self.surfaces: dict[str, list[tuple[str, str]]] = defaultdict(list)
+        self.mixed: set[str] = set()  # surfaces of faces and of edges of shells
         self.others: dict[str, int] = defaultdict(int)
         self.links = AbaqusLinks()
         self.shells: dict[str, ShellSection] = {}
@@ -96,7 +97,10 @@ class Deck:
         raw.numbers = np.array(list(self.nodes))
         for name, rows in self.surfaces.items():
             raw.facet_sets[name], edges = self._facets(name, rows, raw, where)
-            if edges and not raw.facet_sets[name]:
+            if edges and raw.facet_sets[name]:
+                self.mixed.add(name)
+                raw.notes.append(f"surface {name} has faces and edges of shells: it is its faces")
+            elif edges:
                 point_sets[name] = np.unique(np.concatenate(edges))
         if self.shells:
             nodal, faults = np.full(len(place), np.nan), list(self.thickness_faults)
@@ -155,6 +159,8 @@ class Deck:
         def surface(name: str) -> tuple[list[IntArray], IntArray]:
             found = known(name, {**raw.facet_sets, **raw.point_sets}, "surface")
             facets = raw.facet_sets.get(found, [])
+            if found in self.mixed:
+                raise MeshFileError(f"a link names the surface {name}, which has faces and edges of shells; split it")
             if not facets and found not in raw.point_sets:
                 raise MeshFileError(f"a link names the surface {name}, which has no facets of solids or shells")
             return facets, nodes_of_facets(raw, facets) if facets else raw.point_sets[found]

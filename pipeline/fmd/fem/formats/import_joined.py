@@ -18,7 +18,7 @@ from fmd.fem.formats.import_beam import mesh_beams, take_beams
 from fmd.fem.formats.import_mesh import UNUSABLE, connection_notes, connections_in_si, place_solids, read_sound
 from fmd.fem.formats.import_shell import SHELLS, GivenSections, mesh_shells, take_shells
 from fmd.fem.formats.mixed import split_mixed
-from fmd.fem.formats.named_sets import PLANE, corners_of, tie_by_names
+from fmd.fem.formats.named_sets import PLANE, corners_of, tie_by_names, with_curves
 from fmd.fem.formats.raw_mesh import BlockShells, MeshFileError, RawMesh
 from fmd.fem.joined import HINGE_MEND, STRUT_MEND, AnyMesh, JoinedMesh, Seam, count_nodes
 from fmd.fem.mesh import SolidMesh, rows_among, three_corners
@@ -46,13 +46,13 @@ def read_structure(
         The file can't be read, or its elements can't be used; the message says what is wrong.
     """
     with as_input_error(str(path), of=UNUSABLE):
-        raw = read_sound(path)
+        raw = read_sound(path) if shell is None else with_curves(read_sound(path), path)
         kinds = _kinds(raw, shell, beams)
         if sum(any(own.any() for own in each) for each in kinds) > 1:
             return _Joining(raw, scale, kinds, repair, units).joined(shell, ties)
         if ties:
             raw = tie_by_names(raw, scale, ties)
-        return mesh_beams(raw, scale, units) if shell is None else mesh_shells(raw, path, scale, shell, units)
+        return mesh_beams(raw, scale, units) if shell is None else mesh_shells(raw, scale, shell, units)
 
 
 def _kinds(raw: RawMesh, shell: GivenSections | None, beams: bool) -> tuple[list[BoolArray], ...]:
@@ -113,7 +113,7 @@ class _Joining:
             self._add(*place_solids(sub, self._scale, self._repair, self._pieces(shells, lines)))
         if any(own.any() for own in shells):
             assert shell is not None
-            sheet, place = take_shells(_only(raw, shells), self._scale, shell, {})
+            sheet, place = take_shells(_only(raw, shells), self._scale, shell)
             self._add(thicken(sheet), place)
         if any(own.any() for own in lines):
             whole, place = take_beams(_only(raw, lines), self._scale, self._units[0])

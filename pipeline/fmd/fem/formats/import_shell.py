@@ -13,7 +13,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import as_input_error
 from fmd.fem.cells.table import is_solid
 from fmd.fem.formats.import_mesh import UNUSABLE, link_taken, number_used, read_sound, require_one_piece
-from fmd.fem.formats.named_sets import faces_of_points
+from fmd.fem.formats.named_sets import faces_of_points, with_curves
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.midsurface import Layup
@@ -51,40 +51,29 @@ def read_shell(
         The file can't be read, or its mesh can't be used; the message counts what is wrong.
     """
     with as_input_error(str(path), of=UNUSABLE):
-        return mesh_shells(read_sound(path), path, scale, given, (mass_unit, force_unit))
+        return mesh_shells(with_curves(read_sound(path), path), scale, given, (mass_unit, force_unit))
 
 
 def mesh_shells(
-    raw: RawMesh,
-    path: Path,
-    scale: float,
-    given: GivenSections,
-    units: tuple[float | None, float | None],
+    raw: RawMesh, scale: float, given: GivenSections, units: tuple[float | None, float | None]
 ) -> SolidMesh:
     """Return the mesh of a file that holds shells alone, by its units of mass and of force."""
-    gmsh = path.suffix.lower() == ".msh"  # whose named lines are curves; those of decks are beams
-    found = take_shells(raw, scale, given, _rims(raw) if gmsh else {})
+    found = take_shells(raw, scale, given)
     require_one_piece(
         raw, np.concatenate([cells[:, [0, 1, 2, -1]] for _, cells in raw.blocks if cells.shape[1] > 2]), "shells"
     )
     return link_taken(raw, found, thicken, scale, units)
 
 
-def take_shells(
-    raw: RawMesh, scale: float, sections: GivenSections, rims: dict[str, IntArray]
-) -> tuple[Sheet, IntArray]:
-    """Take the shells of a raw mesh; return their sheet, and the number that each point of the file has there.
-
-    Points of no shell have -1. Faces are, beside the file's, all between the nodes of each of ``rims``.
-    """
+def take_shells(raw: RawMesh, scale: float, sections: GivenSections) -> tuple[Sheet, IntArray]:
+    """Take the shells of a raw mesh; return their sheet, and the number of each point of the file there, -1 of none."""
     count, listed = raw.count_elements(), raw.list_elements()
     if any(map(is_solid, count)):
         raise MeshFileError(f"mesh.shell is of shells alone, and the file has solid elements: {listed}")
     given = [(b, kind, cells) for b, (kind, cells) in enumerate(raw.blocks) if kind in SHELLS and len(cells)]
     if not given:
         raise MeshFileError(f"there are no shells of three or four nodes; the elements: {listed}")
-    known = (*SHELLS, "vertex", "line") if rims else (*SHELLS, "vertex")
-    lost = {kind: n for kind, n in count.items() if kind not in known}
+    lost = {kind: n for kind, n in count.items() if kind not in (*SHELLS, "vertex")}
     if lost:
         names = ", ".join(f"{n} {kind}" for kind, n in lost.items())
         mend = (
@@ -93,7 +82,7 @@ def take_shells(
             else ""
         )
         raise MeshFileError(f"elements beside shells of three or four nodes aren't read with mesh.shell: {names}{mend}")
-    notes = []
+    notes = list(raw.notes)
     split = len({kind for _, kind, _ in given}) > 1
     blocks, source = [], []  # of each element the block and its number there
     for b, kind, cells in given:
@@ -123,7 +112,6 @@ def take_shells(
         t[parts[name]] = thickness
     if without := int(np.count_nonzero(~(t > 0).all(axis=1))):
         raise MeshFileError(f"{without} of its {len(t)} shells have no thickness above 0 by a section")
-    raw.point_sets = rims | raw.point_sets
     faces = faces_of_points(raw, place)
     sheet = Sheet(
         raw.points[used] * scale,
@@ -139,20 +127,6 @@ def take_shells(
         shift=sections.offset,
     )
     return sheet, place
-
-
-def _rims(raw: RawMesh) -> dict[str, IntArray]:
-    """Return the nodes of named sets of lines, as Gmsh's physical curves; none if some lines have no name."""
-    rims: dict[str, list[IntArray]] = {}
-    for b, (kind, lines) in enumerate(raw.blocks):
-        if kind != "line":
-            continue
-        named = {name: chosen[b] for name, chosen in raw.cell_sets.items() if len(chosen[b])}
-        if len(np.unique(np.concatenate([_NONE, *named.values()]))) < len(lines):
-            return {}
-        for name, own in named.items():
-            rims.setdefault(name, []).append(lines[own].ravel())
-    return {name: np.unique(np.concatenate(nodes)) for name, nodes in rims.items()}
 
 
 def _sections(

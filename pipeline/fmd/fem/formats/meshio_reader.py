@@ -133,7 +133,8 @@ def _add_tags(raw: RawMesh, found: Any) -> None:
         if any(v.ndim != 1 or v.dtype.kind not in "iu" for v in values):
             continue
         for tag in _few(values):
-            for dimension in (2, 3):
+            curve = key == "gmsh:physical" and (tag, 1) in names
+            for dimension in (1, 2, 3) if curve else (2, 3):
                 chosen = [
                     np.flatnonzero(v == tag) if _dimension(kind) == dimension else np.empty(0, dtype=np.int64)
                     for (kind, _), v in zip(raw.blocks, values, strict=True)
@@ -158,7 +159,7 @@ def _tag_names(
     key: str, tag: int, dimension: int, names: dict[tuple[int, int | None], str], families: dict[int, list[str]]
 ) -> list[str]:
     """Return the names of the set that a value of the cell data ``key`` stands for."""
-    what = {2: "surface", 3: "volume"}[dimension]
+    what = ("curve", "surface", "volume")[dimension - 1]
     match key:
         case "cell_tags":
             return families.get(tag, [])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -37,6 +38,27 @@ def tie_by_names(raw: RawMesh, scale: float, ties: Sequence[tuple[str, str, floa
         bridged = None if within is None else within / scale
         added.append(TiedFaces(f"tie of {names[0]} to {names[1]}", points, one, other, bridged))
     return replace(raw, connections=replace(raw.connections, ties=(*raw.connections.ties, *added)))
+
+
+def with_curves(raw: RawMesh, path: Path) -> RawMesh:
+    """Return a mesh of Gmsh with its named curves as node sets in place of lines; itself if some lines have no name.
+
+    Lines of other files, the decks, are beams.
+    """
+    curves = {b: cells for b, (kind, cells) in enumerate(raw.blocks) if kind == "line" and len(cells)}
+    named = [(name, b, own[b]) for name, own in raw.cell_sets.items() for b in curves if len(own[b])]
+    nameless = [
+        np.setdiff1d(np.arange(len(cells)), np.concatenate([_NONE, *(k for _, at, k in named if at == b)]))
+        for b, cells in curves.items()
+    ]
+    if path.suffix.lower() != ".msh" or any(map(len, nameless)):
+        return raw
+    sets: dict[str, IntArray] = {}
+    for name, b, own in named:
+        sets[name] = np.union1d(sets.get(name, _NONE), curves[b][own])
+    blocks = [(kind, cells[:0] if b in curves else cells) for b, (kind, cells) in enumerate(raw.blocks)]
+    cell_sets = {name: [_NONE if b in curves else k for b, k in enumerate(own)] for name, own in raw.cell_sets.items()}
+    return replace(raw, blocks=blocks, cell_sets=cell_sets, point_sets=sets | raw.point_sets)
 
 
 def find_parts(raw: RawMesh, kept: IntArray) -> dict[str, IntArray]:
