@@ -1,5 +1,6 @@
 """Quantities of joints and markers in the error budget: their names, their sizes, and what is left out."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -173,13 +174,13 @@ def test_reactions_of_a_loop_are_not_mended_by_forces_that_round_off_makes() -> 
     assert float(errors["slider.pin.acceleration"]) < 0.02
 
 
-def test_a_row_holds_the_peak_between_output_times_that_the_warning_tells(tmp_path: Path) -> None:
-    """A beam that rings, at seven output times, against the same motion at all of them."""
+def test_a_row_holds_the_peak_between_output_times_that_the_warning_tells() -> None:
+    """A beam that rings, at a dozen output times, against the same motion at all of them."""
     coarse = Pipeline(load_scene("beam-paper", [*QUICK, "simulation.output_step=1.7 ms"]), Cache(None))
     fine = coarse.fine_motion
     dense = detail_quantities(coarse.scene, fine) | motion_quantities(fine, fine)
-    budget = state_errors(coarse)
-    rows = {row.name: row for row in (*budget.rows, *budget.details)}
+    budget = state_errors(coarse, 1e-9)  # values are there without estimates
+    rows = {row.name: replace(row, parts={"time": 0.01}) for row in (*budget.rows, *budget.details)}
     for name, less in (("beam.tip.acceleration", 0.97), ("hub, rate", 0.995)):
         row, exact = rows[name], dense[name].scale
         assert row.value < less * exact

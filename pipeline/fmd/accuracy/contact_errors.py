@@ -177,6 +177,7 @@ def _at_least(errors: Mapping[str, float | str], own: ContactHistory) -> dict[st
 
 
 def _areas_of_points(run: Pipeline) -> dict[str, float]:
+    """Return the area of a point of each contact of a flexible face, of which it presses whole ones [m²]."""
     bodies = [body for body in run.motion.mechanism.contacts if not body.points.has_primitives]
     return {name: float(body.points.areas[body.face_of(name)].mean()) for body in bodies for name in body.names}
 
@@ -249,6 +250,7 @@ def _with_contacts(scene: Scene, change: Callable[[str], dict[str, Any]]) -> Sce
 
 
 def _gridded(run: Pipeline) -> set[str]:
+    """Return the contacts whose near field is that of a grid."""
     bodies = run.motion.mechanism.contacts
     return {plane.name for body in bodies for plane in body.planes if plane.face in body.points.grids}
 

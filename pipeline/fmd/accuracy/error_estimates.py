@@ -103,6 +103,7 @@ def percent(error: float) -> str:
 
 
 def _angles_between(e: Array, f: Array) -> Array:
+    """Return the angles between orientations by unit quaternions (n, 4) of either sign [rad], (n,)."""
     chord = np.minimum(np.linalg.norm(e - f, axis=1), np.linalg.norm(e + f, axis=1))
     return np.asarray(4 * np.arcsin(np.minimum(chord / 2, 1.0)))
 
