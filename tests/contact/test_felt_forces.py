@@ -16,6 +16,7 @@ from fmd.output.contacts import contact_warnings
 from tests.contact.test_contact_points import BLOCK
 
 CLEARANCE = 1e-7
+NODE = ["100 mm", "-50 mm", "0 mm"]  # by a marker there and by one at the point it moves alike, and turns otherwise
 
 
 def cantilever(**tables: Any) -> Pipeline:
@@ -23,7 +24,7 @@ def cantilever(**tables: Any) -> Pipeline:
     shape = BLOCK["body"]["block"]
     markers = shape["marker"] | {"end": {"face": "x+"}, "spot": {"at": ["200 mm", "-50 mm", "0 mm"]}}
     body = shape | {"modes": {"count": 3, "enrich": "none"}, "support": [{"face": "x-"}]}
-    body["marker"] = markers | {"root": {"face": "x-"}}
+    body["marker"] = markers | {"root": {"face": "x-"}, "node": {"node": NODE}, "point": {"at": NODE}}
     ground = {"root": {"at": [0, 0, 0]}, "ahead": {"at": ["300 mm", "-50 mm", "0 mm"]}}
     ground["wall"] = {"at": ["200 mm", 0, 0]}
     scene = {
@@ -43,11 +44,13 @@ def force_on(marker: str, force: Any, direction: list[float]) -> dict[str, Any]:
 
 SIZE = float(np.hypot(3000.0, 900.0))
 TORQUE = {"type": "point torque", "marker": "block.bottom", "direction": [0, 0, 1], "torque": "-600 N m"}
+BOTH = {**force_on("point", "3 kN", [1, 0, 0])["drive"], "turn": TORQUE | {"marker": "block.node"}}
 SPRING = {"between": ["ground.ahead", "block.spot"], "stiffness": "20 N/mm", "length": "50 mm"}
 CASES: dict[str, tuple[dict[str, Any], str, list[float]]] = {
     "force on the face": (force_on("end", SIZE, [1, 0.3, 0]), "end", [3000, 900, 0, 0, 0, 0]),
     "force beside it": (force_on("bottom", "3 kN", [1, 0, 0]), "bottom", [3000, 0, 0, 0, 0, 0]),
     "torque": ({"drive": {"load": TORQUE}}, "bottom", [0, 0, 0, 0, 0, -600]),
+    "torque on a node beside a force": ({"drive": BOTH}, "node", [3000, 0, 0, 0, 0, -600]),
     "spring": ({"spring": {"pull": SPRING}}, "spot", [1000, 0, 0, 0, 0, 0]),
 }
 

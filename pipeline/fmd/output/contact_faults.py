@@ -102,7 +102,7 @@ def start_faults(run: Pipeline) -> Iterator[str]:
         if begin is not None and begin <= (2.0 * motion.trajectory.step if pushed else 0.0):
             yield (
                 f"contact.{name}: presses from the start, undeformed under its loads, and rings about their balance; "
-                "simulation.start = 'equilibrium' begins there"
+                "simulation.start = 'equilibrium' begins there, if bodies can rest"
             )
 
 

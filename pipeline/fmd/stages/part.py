@@ -62,14 +62,8 @@ _OF_TEETH = "tooth_flexibility:find_tooth_flexibility"
 _TEETH = (*_SHAPES, *_REDUCTION, *_STRESS, "fmd/contact/gear_pair.py", "fmd/stages/tooth_flexibility.py")
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
-_OF_THE_PART = (
-    "shape",
-    "joint",
-    "contact_faces",
-    "loaded_markers",
-    "frame",
-    "stiffening",
-)  # and its files: all that its results are of
+# And its files: all that a part's results are of.
+_OF_THE_PART = ("shape", "joint", "contact_faces", "loaded_markers", "frame", "stiffening")
 _STIFFENED = "body and what it is stiffened to"
 T = TypeVar("T")
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fmd.core.arrays import Array
 from fmd.dynamics.compiler.algebra import Vector6, add, constants, times, transpose
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.elements import trace_pair
@@ -38,7 +39,10 @@ def trace_felt_forces(inputs: Coordinates, frames: list[MovingFrame]) -> list[Sc
 def _add_at_marker(at: dict[str, Vector6], frame: MovingFrame, marker: MarkerShapes, wrench: Vector6) -> None:
     """Add a force and a moment to those at the named marker that has the same shapes."""
     for name, others in at.items():
-        own = frame.link.markers[name]
-        if np.array_equal(own.position, marker.position) and np.array_equal(own.translation, marker.translation):
+        if all(map(np.array_equal, _parts(frame.link.markers[name]), _parts(marker))):
             at[name] = add(others, wrench)
             return
+
+
+def _parts(marker: MarkerShapes) -> tuple[Array, Array, Array]:
+    return marker.position, marker.translation, marker.rotation
