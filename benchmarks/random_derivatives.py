@@ -119,7 +119,7 @@ def extrapolate(
     for share in (SHARE * 0.5**k for k in range(HALVINGS + 1)):
         low, high = (frozen.at({parameter: parameter.value * (1.0 + side * share)}).run for side in (-1.0, 1.0))
         found.append([np.asarray(each.read(high) - each.read(low)) / (2.0 * share) for each in channels])
-        best = [choose_extrapolation(own) for own in zip(*found, strict=True)] if len(found) > 3 else []
+        best = [choose_extrapolation(own) for own in zip(*found, strict=True)] if len(found) > 4 else []
         if best and all(noise <= PRECISE * np.abs(value).max() for value, noise in best):
             break
     return [value for value, _ in best], [noise for _, noise in best]
@@ -130,13 +130,13 @@ def choose_extrapolation(differences: Sequence[Array]) -> tuple[Array, float]:
 
     An extrapolation is as far off as from the one before it, or as round-off that the later ones show: it grows as
     their distances get shorter. So it counts for little that two agree by chance, as over distances that put fast
-    vibrations out of phase.
+    vibrations out of phase. The last one, whose round-off no later one shows, is never chosen.
     """
     threes = zip(differences, differences[1:], differences[2:], strict=False)
     found = [(64.0 * c - 20.0 * b + a) / 45.0 for a, b, c in threes]
     apart = [float(np.abs(b - a).max()) for a, b in pairwise(found)]
     noise = [max(0.5**k * later for k, later in enumerate(apart[first:])) for first in range(len(apart))]
-    best = int(np.argmin(noise))
+    best = int(np.argmin(noise[:-1]))
     return found[best + 1], noise[best]
 
 

@@ -14,9 +14,7 @@ from fmd.cli import sensitivities
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.fitting.fit_files import write_changed_scene
-from fmd.fitting.parameters import Parameter, find_parameter
-from fmd.fitting.sensitivities import Sensitivity
-from fmd.output.channels import ResultChannel
+from fmd.fitting.parameters import find_parameter
 from tests.fitting.test_sensitivities import BAR, by_key
 from tests.meshes.test_cad_morph import BRACKET, volume_of
 
@@ -91,15 +89,18 @@ def test_a_script_in_proportion_obeys_laws_of_scale(tmp_path: Path) -> None:
     assert by_key(found, "part.frequency.1")[key].relative == pytest.approx(-1.0, rel=1e-3)
 
 
-@pytest.mark.parametrize(("unit", "number", "told"), [("Pa", "bore", True), ("kg", "bore", False), ("Pa", "", False)])
-def test_stress_by_dimensions_of_a_script_is_said_to_have_errors_of_the_mesh(
-    unit: str, number: str, told: bool, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(("of", "number", "stated"), [("stress", "bore", False), ("mass", "bore", True)])
+def test_stress_by_dimensions_of_a_script_has_no_stated_error(
+    of: str, number: str, stated: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    key = f"body.part.mesh.parameter.{number}" if number else "body.part.E"
-    one = np.ones(())
-    found = Sensitivity(ResultChannel("of", unit, lambda run: one), Parameter(key, 1.0, "m"), one, one, one)
-    sensitivities._print([found], [found.row()])
-    assert ("what elements leave out" in " ".join(capsys.readouterr().out.split())) is told
+    scene = ON_PLATE + SIMULATION.replace("tip =", 'gravity = ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]\ntip =')
+    (found,) = package.jacobian(
+        package.load(write(tmp_path, PLATE, scene)), [f"part.{of}"], [f"body.part.mesh.parameter.{number}"]
+    )
+    row = found.row()
+    assert np.isfinite(found.error).all() == (row["interval"] is not None) == (row["unstated"] == "") == stated
+    sensitivities._print([found], [row])
+    assert ("not stated" in " ".join(capsys.readouterr().out.split())) is not stated
 
 
 def test_dimensions_of_a_bar_of_tetrahedra_add_up_to_the_law_of_scale(tmp_path: Path) -> None:

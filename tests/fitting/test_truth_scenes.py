@@ -84,3 +84,17 @@ def test_derivatives_of_a_run_by_auto_are_those_of_the_motion_though_steps_stay(
         frozen.beside(motion := frozen.at({}, by=[parameter]), parameter)
         found.append(motion.tangents[parameter].q)
     np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-5 * np.abs(found[1]).max())
+
+
+def test_the_last_extrapolation_is_not_chosen_though_it_agrees_with_the_one_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Differences of a result of 1 whose round-off grows, but for the last two extrapolations, both 8e-8 off."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    module = importlib.import_module("random_derivatives")
+    wanted = [1.0 + off for off in (1e-9, -1e-9, 2e-9, -4e-9, 8e-9, -3e-8, 8.01e-8, 8e-8)]
+    differences = [np.ones(1), np.ones(1)]
+    for value in wanted:  # (64 c − 20 b + a) / 45
+        differences.append((45.0 * value + 20.0 * differences[-1] - differences[-2]) / 64.0)
+    found, noise = module.choose_extrapolation(differences)
+    assert abs(found[0] - 1.0) <= noise < 1e-8

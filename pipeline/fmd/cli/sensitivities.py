@@ -87,7 +87,7 @@ def _sample(run: Pipeline, found: Sequence[Sensitivity], count: int) -> dict[str
 
 
 def _print(found: Sequence[Sensitivity], rows: Sequence[dict[str, Any]]) -> None:
-    columns = {"result": "{}", "value": "{}", "by": "{}", "at": "{}", "% per %": "{:+.5g}", "±": "{:.1g}"}
+    columns = {"result": "{}", "value": "{}", "by": "{}", "at": "{}", "% per %": "{:+.5g}", "±": "{}"}
     order = sorted(range(len(rows)), key=lambda k: (_first(rows, rows[k]["of"]), -abs(rows[k]["relative"] or 0.0)))
     cells = []
     for k in order:
@@ -95,7 +95,8 @@ def _print(found: Sequence[Sensitivity], rows: Sequence[dict[str, Any]]) -> None
         value = scaled(row["value"], row["unit"]) + (" rms" if row["history"] else "")
         number = scaled(row["number"], row["number_unit"]) if row["number_unit"] else f"{row['number']:.5g}"
         share = row["relative"]
-        cells.append((row["of"], value, row["to"], number, share, None if share is None else off))
+        plus_minus = "not stated" if row["unstated"] else f"{off:.1g}"
+        cells.append((row["of"], value, row["to"], number, share, None if share is None else plus_minus))
     print_table("Sensitivities", columns, cells, wide=2)
     console = open_console()
     if any(row["history"] for row in rows):
@@ -103,11 +104,8 @@ def _print(found: Sequence[Sensitivity], rows: Sequence[dict[str, Any]]) -> None
     for way in dict.fromkeys(_way(each) for each in found if each.channel.moves):
         keys = [*dict.fromkeys(each.parameter.key for each in found if each.channel.moves and _way(each) == way)]
         console.print(f"by {way}: {', '.join(keys)}")
-    if any(row["without_mesh_error"] for row in rows):
-        console.print(
-            "stress by dimensions of a script: what elements leave out of it, most at curved edges, is not in ±; "
-            "compare with a finer mesh.size"
-        )
+    for reason in dict.fromkeys(row["unstated"] for row in rows if row["unstated"]):
+        console.print(f"± not stated: {reason}")
     for row in rows:
         if row["jumps"]:
             console.print(

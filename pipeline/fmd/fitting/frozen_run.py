@@ -166,7 +166,8 @@ class FrozenRun:
             known = {each: direction for each, direction in directions.items() if direction is not None}
             found = list[Tangent]()
             try:
-                found = march_tangents(motion.plan, list(known.values()), self.times)
+                with self.run.store.monitor(f"{len(known)} tangents") as advance:
+                    found = march_tangents(motion.plan, list(known.values()), self.times, advance)
             except LinearisedAnewError as error:
                 motion.lacking.update(dict.fromkeys(known, str(error)))
                 known = {}
@@ -281,7 +282,8 @@ class FrozenRun:
 
     def _march(self, plan: Plan) -> Trajectory:
         self.marches += 1
-        return plan.march(self.times)
+        with self.run.store.monitor("motion") as advance:
+            return plan.march(self.times, advance)
 
     def _variant(self, values: Mapping[Parameter, float], moves: bool, lifted: bool = False) -> Pipeline:
         scene = change_parameters(with_first_run(self.run.scene), values)

@@ -54,6 +54,9 @@ def _align(part: FlexiblePart, other: FlexiblePart, Phi: Array, group: IntArray)
     return np.asarray(theirs @ (u @ v))
 
 
+UNSTATED = "elements' error changes with the dimension, most at curved edges; compare with a finer mesh.size"
+
+
 @dataclass(frozen=True)
 class Sensitivity:
     """Derivative of one result by one number of a scene."""
@@ -62,17 +65,13 @@ class Sensitivity:
     parameter: Parameter  # the number
     value: Array  # () or (n_times,): the result itself, in its SI unit
     slope: Array  # () or (n_times,): its derivative by the number, in SI units
-    error: Array  # () or (n_times,): what the derivative may be off by, in SI units
+    error: Array  # () or (n_times,): what the derivative may be off by, in SI units; NaN if that is `unstated`
     # True if the largest value is at another place, or long before or after, as soon as the number changes a little.
     jumps: bool = False
     # True if it is by the motion's tangent, which is marched beside it, not by a difference of motions.
     by_tangents: bool = False
     lacking: str = ""  # what of the run has no tangents otherwise
-
-    @property
-    def without_mesh_error(self) -> bool:
-        """True of stress by a dimension of a script: what elements leave out of it is not in the error."""
-        return self.channel.unit == "Pa" and ".mesh.parameter." in self.parameter.key
+    unstated: str = ""  # why there is no error, if there is none
 
     @property
     def relative(self) -> float:
@@ -98,7 +97,6 @@ class Sensitivity:
         """Return the figures by name; a history's value, derivative and error are root mean squares over time."""
         size, slope, error = (mean_change(x) for x in (self.value, self.slope, self.error))
         share, off = self.relative, self.relative_error
-        known = np.isfinite(share)
         return {
             "of": self.channel.name,
             "to": self.parameter.key,
@@ -108,13 +106,13 @@ class Sensitivity:
             "number": self.parameter.value,
             "number_unit": self.parameter.unit,
             "derivative": slope,
-            "derivative_error": error,
-            "relative": share if known else None,
-            "interval": [share - off, share + off] if known else None,
+            "derivative_error": None if self.unstated else error,
+            "relative": share if np.isfinite(share) else None,
+            "interval": [share - off, share + off] if np.isfinite(share) and not self.unstated else None,
             "jumps": self.jumps,
             "by_tangents": self.by_tangents,
             "lacking": self.lacking,
-            "without_mesh_error": self.without_mesh_error,
+            "unstated": self.unstated,
         }
 
 
@@ -180,8 +178,16 @@ def _differentiate(
                     error = error + np.abs(slope - widest).max()
             if channel.moves:
                 error = error + unknown * np.abs(slope).max()
+            if unstated := _find_unstated(channel, parameter):
+                error = np.full(slope.shape, np.nan)
             jumps = _jumps(channel, near.low, near.high, share=near.step / abs(parameter.value))
-            yield Sensitivity(channel, parameter, value, slope, error, jumps, near.by_tangents, near.lacking)
+            yield Sensitivity(channel, parameter, value, slope, error, jumps, near.by_tangents, near.lacking, unstated)
+
+
+def _find_unstated(channel: ResultChannel, parameter: Parameter) -> str:
+    """Return why no error of a derivative is stated, or nothing."""
+    by_stress = channel.unit == "Pa" or channel.shortest is not None
+    return UNSTATED if by_stress and ".mesh.parameter." in parameter.key else ""
 
 
 def _extrapolate(pairs: Sequence[Beside], changes: Sequence[Array]) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from fmd.dynamics.compiled_system.tangents import Direction, TangentSystem, Vari
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.mechanism import Mechanism
 from fmd.fitting.neighbours import find_turns
-from fmd.integrators.protocol import Trajectory
+from fmd.integrators.protocol import Progress, Trajectory
 from fmd.stages.plan import Plan
 
 CONTACT = "contact"  # what of a run has no tangents where bodies touch
@@ -133,8 +133,10 @@ def changes_in_line(plan: Plan, direction: Direction, low: Plan, high: Plan) -> 
     return all(np.abs(a + b - 2.0 * x).max(initial=0.0) <= SOLVED * np.abs(x).max(initial=0.0) for x, a, b in triples)
 
 
-def march_tangents(plan: Plan, directions: Sequence[Direction], times: Array) -> list[Tangent]:
-    """March the tangents of a run along some directions, eight at a time.
+def march_tangents(
+    plan: Plan, directions: Sequence[Direction], times: Array, advance: Progress | None = None
+) -> list[Tangent]:
+    """March the tangents of a run along some directions, eight at a time, each time from no progress to all.
 
     Raises
     ------
@@ -149,7 +151,7 @@ def march_tangents(plan: Plan, directions: Sequence[Direction], times: Array) ->
         chosen = directions[first : first + LANES]
         both: Any = TangentSystem(system, chosen)
         q1, v1 = both.join(q0, v0)
-        march = plan.integrator.march(both, q1, v1, times)
+        march = plan.integrator.march(both, q1, v1, times, advance)
         require_one_linearisation(both.parameters, plan.integrator.refinement)
         q, v = both.part(march.q, march.v)
         found += [Tangent(_spread(plan, q[:, :, k], 0), _spread(plan, v[:, :, k], 1)) for k in range(len(chosen))]
