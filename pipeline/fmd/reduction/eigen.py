@@ -120,7 +120,7 @@ class FreeBodySolver:
         """Return the ``count`` lowest elastic modes, or all that a small mesh has.
 
         With columns B (n_nodes, 3, k) of constraints ``Bᵀ φ = 0`` they have ``K φ = ω² M φ + B μ``; without, the body
-        is free. ``known`` are fewer of them, which a large body's others are sought beside.
+        is free. ``known`` are the lowest of them, which a large body's others are sought beside, and returned if enough.
 
         Raises
         ------
@@ -135,6 +135,8 @@ class FreeBodySolver:
         Z = self._rigid_modes_left(B)
         room = n - B.shape[1] - Z.shape[1]
         count, before = min(count, room), np.zeros((n, 0))
+        if known is not None and count <= len(known.omega):
+            return known
         n_vectors = max(2 * count, count + 20)
         if n_vectors < (DENSE_FROM * room if self.shift < 0.0 and n <= MOST_DENSE else room):  # without, K has hinges
             refuse_large_search(self._factor, n, count)
