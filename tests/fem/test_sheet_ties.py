@@ -1,5 +1,7 @@
 """Ties of shells: patch tests, plates glued edge to edge and face to face, a rib, and faces that can't be tied."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -149,6 +151,16 @@ def test_two_sheets_glued_on_their_faces_are_one_of_both_thicknesses() -> None:
     assert hz(fe, 6) == pytest.approx(wanted, rel=5e-3)
 
 
+def test_sheets_that_are_thin_beside_their_elements_are_glued_by_the_sides_that_face_each_other() -> None:
+    """Their backs are within a tenth of an element, too."""
+    one, (x, cells) = (sheet(n, "quadrilateral", (0.0, 0.0), (1.0, 0.4)) for n in ((10, 4), (11, 5)))
+    n = len(one[0])
+    mesh = two(one, (x + np.array([0, 0, 1e-3]), cells), 1e-3)
+    wanted = hz(assemble(shell_mesh(*one, 2e-3), 1, METAL), 3)
+    for face, onto in ((n + np.arange(len(x)), np.arange(n)), (np.arange(n), n + np.arange(len(x)))):
+        assert hz(tied(mesh, face, onto), 3) == pytest.approx(wanted, rel=2e-2)
+
+
 def test_sheets_that_cant_be_tied_are_refused() -> None:
     one = sheet((2, 2), "quadrilateral", (0.0, 0.0), (1.0, 1.0))
     x, cells = sheet((2, 2), "quadrilateral", (1.0, 0.0), (2.0, 1.0))
@@ -167,3 +179,23 @@ def test_sheets_that_cant_be_tied_are_refused() -> None:
     stack = shell_mesh(np.concatenate([x for x, _ in sheets]), np.concatenate([c for _, c in sheets]), 0.01)
     with pytest.raises(ValueError, match="tie 1: both sides of its first face lie against the second"):
         tied(stack, 9 + np.arange(9), np.concatenate([np.arange(9), 18 + np.arange(9)]))
+
+
+def test_nodes_that_something_moves_already_are_refused() -> None:
+    one, (x, cells) = (sheet((2, 2), "quadrilateral", (0.0, 0.0), (1.0, 1.0)) for _ in (0, 1))
+    fe = assemble(two(one, (x + np.array([0, 0, 0.01]), cells), 0.01), 1, METAL)
+    faces = np.arange(9), 9 + np.arange(9)
+    upper, edge = (
+        TiedFaces("tie 1", np.union1d(face, faces[0]), face, faces[0], None) for face in (faces[1], 9 + np.arange(3))
+    )
+    moved = "nodes of its first face are moved by other elements or ties already; swap its faces"
+    for tie in (upper, edge):
+        with pytest.raises(ValueError, match=f"tie 1: {moved}"):
+            link_points(fe, find_deck_links(Connections(ties=(tie, tie)), fe))
+    assert fe.T is not None
+    row = 3 * (len(fe.discretisation.x) + 9)
+    T = sp.lil_array(fe.T)
+    T[row] = 0.5 * (T[row] + T[row + 3])
+    for tie in (upper, edge):
+        with pytest.raises(ValueError, match=f"tie 1: {moved}"):
+            find_deck_links(Connections(ties=(tie,)), replace(fe, T=sp.csr_array(T)))

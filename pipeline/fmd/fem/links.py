@@ -23,6 +23,7 @@ from fmd.fem.idle_motions import without_idle_motions
 from fmd.fem.markers import Marker
 from fmd.fem.model import FEModel
 from fmd.fem.rigid_pieces import CarriedPoints, carried_points, rigid_unknowns
+from fmd.fem.sheet_ties import moved_already
 from fmd.fem.ties import Tie
 
 
@@ -149,6 +150,8 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
     constraints = Constraints(own_T.shape[1], len(links))
     for tie in linked.ties:
         free = ~constraints.are_given(tie.unknowns)
+        if not free.any():
+            raise ValueError(moved_already(tie.label))
         constraints.give(tie.unknowns[free], tie.others, tie.weights[np.flatnonzero(free)])
     groups, weights, shown_at, carried = [], [np.zeros(0)], dict[str, tuple[str, int]](), list[list[CarriedPoints]]()
     for k, (name, link) in enumerate(links.items()):

@@ -199,6 +199,11 @@ def far_apart(label: str, away: float) -> str:
     )
 
 
+def moved_already(label: str) -> str:
+    """Return the message for nodes that can't follow a tie, too."""
+    return f"{label}: nodes of its first face are moved by other elements or ties already; swap its faces"
+
+
 def _breaks(polygons: Array, ends: Array) -> Array:
     """Return where lines (n, 2, 2) cross the sides of polygons (n, k, 2), as shares of their length, with 0 and 1."""
     sides = np.roll(polygons, -1, axis=1) - polygons
@@ -319,7 +324,7 @@ def _unknowns_of(sheet: ShellNodes, nodes: IntArray, label: str) -> tuple[IntArr
     found = np.concatenate(unknowns)
     before = sp.csc_array(sheet.T[: 3 * sheet.member.first])[:, found]  # solids, which lead shells
     if before.nnz or len(np.unique(found)) < len(found) or len(found) > 6 * n:
-        raise ValueError(f"{label}: nodes of its first face are moved by other elements already")
+        raise ValueError(moved_already(label))
     order = np.concatenate(columns)
     stacked = sp.csr_array(sp.block_diag(blocks, format="csr"))
     place = sp.csr_array((np.ones(len(order)), (np.arange(len(order)), order)), shape=(len(order), 6 * n))

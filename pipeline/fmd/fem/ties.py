@@ -16,7 +16,7 @@ from fmd.fem.connections import TiedFaces
 from fmd.fem.markers import facets_on_face, weighted_marker
 from fmd.fem.model import FEModel
 from fmd.fem.mortar import follow_face
-from fmd.fem.sheet_ties import ShellNodes, far_apart, follow_edge
+from fmd.fem.sheet_ties import ShellNodes, far_apart, follow_edge, moved_already
 from fmd.fem.space import Discretisation, Member
 
 
@@ -24,6 +24,7 @@ from fmd.fem.space import Discretisation, Member
 class Tie:
     """Unknowns of a model that follow others."""
 
+    label: str  # what messages call it
     unknowns: IntArray  # (n,)
     others: IntArray  # (m,)
     weights: sp.csr_array  # (n, m): rigid motions stay rigid
@@ -45,26 +46,41 @@ def tie_faces(fe: FEModel, member: Member, given: TiedFaces) -> Tie:
         raise ValueError(f"{given.label}: its faces share {shared} nodes, by which they are joined already")
     if midsurface is None:
         points, others, weights = _follow(member.space, given, given.face, given.onto)
-        return Tie(_rows(member.first + points), _rows(member.first + others), weights)
+        return Tie(given.label, _rows(member.first + points), _rows(member.first + others), weights)
     if midsurface.has_sections:
         raise ValueError(f"{given.label} joins beams, which links join")
     sheet = ShellNodes(fe, member)
     glued = sheet.whole(given.face)
     if given.face.ndim == 1 and not np.isin(given.face, sheet.cells[glued]).all():
-        return Tie(*follow_edge(sheet, given))
+        return Tie(given.label, *follow_edge(sheet, given))
     both = (
         np.flatnonzero(np.isin(midsurface.owner, sheet.cells[sheet.whole(each)])) for each in (given.face, given.onto)
     )
     points, others, weights = _follow(member.space, given, *both)
+    kept = _facing(member.space.x, midsurface.owner, points, others, weights)
+    points, weights = points[kept], weights[_rows(kept)]
     owner = midsurface.owner[points]
     if len(np.unique(owner)) < len(owner):
         raise ValueError(f"{given.label}: both sides of its first face lie against the second; name a face for each")
     unknowns = sheet.T[sheet.rows(owner)].indices
+    if len(unknowns) > 3 * len(owner):
+        raise ValueError(moved_already(given.label))
     moved = sheet.T[_rows(member.first + points)]
     own = sp.csr_array((np.ones(len(unknowns)), (np.arange(len(unknowns)), unknowns)), shape=moved.shape)
     follows = sp.csr_array(weights @ sheet.T[_rows(member.first + others)] - (moved - own))
     known = np.unique(follows.indices)
-    return Tie(unknowns, known, sp.csr_array(follows[:, known]))
+    return Tie(given.label, unknowns, known, sp.csr_array(follows[:, known]))
+
+
+def _facing(x: Array, owner: IntArray, points: IntArray, others: IntArray, weights: sp.csr_array) -> IntArray:
+    """Return the numbers of points but those at the backs of sheets, further away by all of their thickness."""
+    away = np.linalg.norm((x[points].ravel() - weights @ x[others].ravel()).reshape(-1, 3), axis=1)
+    order = np.lexsort((away, owner[points]))
+    near, far = order[:-1], order[1:]
+    both = owner[points[near]] == owner[points[far]]
+    thickness = np.linalg.norm(x[points[far]] - x[points[near]], axis=1)
+    back = both & (away[far] - away[near] > (1 - SOLVED) * thickness)
+    return np.setdiff1d(np.arange(len(points)), far[back])
 
 
 def _follow(

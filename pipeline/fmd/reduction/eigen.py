@@ -120,7 +120,7 @@ class FreeBodySolver:
         """Return the ``count`` lowest elastic modes, or all that a small mesh has.
 
         With columns B (n_nodes, 3, k) of constraints ``Bᵀ φ = 0`` they have ``K φ = ω² M φ + B μ``; without, the body
-        is free. ``known`` are the lowest of them, which a large body's others are sought beside, and returned if enough.
+        is free. ``known`` are the lowest of them, beside which a large body's others are sought.
 
         Raises
         ------
