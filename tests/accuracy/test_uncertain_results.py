@@ -1,5 +1,6 @@
 """Results that the error budget states as uncertain, and what is said of them."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 from fmd import Pipeline, load_scene
 from fmd.accuracy.error_budget import Budget
 from fmd.accuracy.time_limit import TIME_IS_SHORT
+from fmd.accuracy.uncertain_results import _source
 from fmd.core.cache import Cache
 from fmd.output.stated_errors import largest_stress
 from fmd.output.summary import _budget_warnings, summarise
@@ -86,6 +88,16 @@ def test_stress_that_the_modes_leave_out_is_told_with_a_remedy_that_works(tmp_pa
     enriched = summary_of(tmp_path, "body.arm.modes.enrich=inertia")
     assert enriched["worst_stress"]["von_mises_pa"] == pytest.approx(exact, rel=0.02)
     assert "uncertain-results" not in [each["code"] for each in enriched["warnings"]]
+
+
+def test_meshes_of_files_are_not_said_to_be_refined_by_accuracy(tmp_path: Path) -> None:
+    text = TURNING.replace("divisions = [12, 1, 1]", 'file = "arm.inp", unit = "m"')
+    for key in ("shape", "length", "depth", "width"):
+        text = re.sub(rf"^{key} = .*\n", "", text, count=1, flags=re.MULTILINE)
+    (tmp_path / "arm.toml").write_text(re.sub(r'"x[-+]"', '"END"', text))
+    scene = load_scene(tmp_path / "arm.toml", ("body.arm.mesh.order=2",))
+    assert _source("recovery", scene) == "the mesh is too coarse for stress; a finer mesh helps"
+    assert "accuracy" in _source("truncation", scene)
 
 
 def test_a_clamp_that_is_fixed_on_average_is_told_where_that_matters(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import fmd
 from fmd.accuracy.error_budget import state_errors
 from fmd.accuracy.ply_stress import ply_quantities
 from fmd.accuracy.requested_stress import request_key
+from fmd.cli.run import _answers
 from fmd.core.errors import InputError
 from fmd.fem.layered import Layered
 from fmd.output.frequencies import mode_warnings
@@ -105,6 +106,10 @@ def test_errors_of_plies_are_stated_but_for_shear_across(swung: Result, tmp_path
     assert "no error budget was made" in why["stress_11_max_pa"]
     assert "no error budget was made" in why["tsai_hill_index"]
     assert "a layer along edges as wide as the shell is thick" in why["stress_13_min_pa"]
+    worst = {"Tsai-Hill": {"value": 0.5, "ply": 1, "material": "UD", "angle_deg": 0.0, "face": "lower", "element": 3}}
+    errors = {"plies.panel.Tsai-Hill.value": "not stated: there is no coarser mesh"}
+    (line,) = _answers({"plies": {"panel": worst}, "stated_errors": errors, "final": {}})
+    assert line.endswith("lower face, element 3; its error is not stated: there is no coarser mesh")
 
 
 def test_budgets_of_indices_depend_on_strengths() -> None:

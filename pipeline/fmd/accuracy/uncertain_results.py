@@ -46,6 +46,7 @@ def _source(source: str, scene: Scene) -> str:
     bodies = {name: scene.with_its_basis(name) for name in scene.flexible}
     bare = [name for name, body in bodies.items() if body.shape != "reduced" and body.modes.enrich == "none"]
     finer = f"order = 2 of [body.{coarse[0]}.mesh]" if coarse else "a finer mesh"
+    of_files = not coarse and all(body.shape == "mesh" for body in scene.flexible.values())
     more = f'enrich = "inertia" of [body.{bare[0]}.modes]' if bare else "a larger modes.count"
     said = {
         "discretisation": f"the mesh is too coarse for that; {finer} helps",
@@ -53,5 +54,6 @@ def _source(source: str, scene: Scene) -> str:
         "truncation": f"the modes leave too much out for that; {more} helps",
         "time": "the steps are too long for that; a smaller step, tolerance or simulation.error helps",
     }
-    by_itself = "" if scene.accuracy is not None else f', and accuracy = "{100 * TOO_UNCERTAIN:g} %" refines by itself'
+    refines = scene.accuracy is None and not (of_files and source in ("discretisation", "recovery"))
+    by_itself = "" if not refines else f', and accuracy = "{100 * TOO_UNCERTAIN:g} %" refines by itself'
     return said[source] + by_itself

@@ -260,7 +260,8 @@ def _answers(summary: dict[str, Any]) -> list[str]:
             place = f"ply {worst['ply']} ({worst['material']}, {worst['angle_deg']:.3g}°), {worst['face']} face"
             error = summary["stated_errors"].get(f"plies.{body}.{name}.value", "")
             index = with_plain_error(worst["value"], None if isinstance(error, str) else error, "").rstrip()
-            lines.append(f"{body}: {name} index {index} in {place}, element {worst['element']}")
+            why = f"; its error is {error}" if isinstance(error, str) and error else ""
+            lines.append(f"{body}: {name} index {index} in {place}, element {worst['element']}{why}")
     for joint, position in summary["final"].get("joint_positions", {}).items():
         unit = summary["joint_units"][joint]
         differences = [f"{row['joint_differences'][joint]:.3g}" for row in summary["integrations"][1:]]

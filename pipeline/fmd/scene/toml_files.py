@@ -88,7 +88,8 @@ def _write_one(file: str) -> str:
     """Return how a scene is made of a file that isn't named as one; it may be a part's or a robot's."""
     if file.lower().endswith(".toml"):
         return ""
-    return f"; fmd new {Path(file).stem}.toml --from {file} writes a scene of a CAD part or a robot"
+    made = f"fmd new {Path(file).stem}.toml --from {file} writes a scene of a CAD part or a robot"
+    return f"; {made}, fmd mesh {file} --unit mm names the faces of a mesh"
 
 
 @lru_cache(maxsize=SCENES_KEPT)
