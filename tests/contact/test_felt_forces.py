@@ -92,3 +92,22 @@ def test_the_balance_has_no_energy_of_a_load_that_shakes_the_face(start: str, to
     assert own.energy.max() > 0.0
     assert np.abs(own.energy_error).max() < 0.01 * own.energy.max()
     assert [each["code"] for each in contact_warnings(run)] == told
+
+
+def test_an_implicit_method_passes_where_points_beside_static_responses_begin_to_slip() -> None:
+    """These responses move by less than surfaces that begin to slip, so that whole corrections go to and fro."""
+    body = BLOCK["body"]["block"] | {"support": [{"face": "x-"}], "modes": {"count": 8, "enrich": "inertia"}}
+    body["marker"] = body["marker"] | {"end": {"face": "x+"}, "root": {"face": "x-"}}
+    shaken = force_on("end", {"formula": "2000*sin(2*pi*3000*t)", "unit": "N"}, [0, 1, 0])["drive"]["load"]
+    drives = force_on("end", "20 kN", [1, 0, 0])["drive"] | {"shaken": shaken}
+    contact = {"between": ["ground.wall", "block.end"], "normal": [-1, 0, 0], "friction": 0.3}
+    more = {"gravity": [0, 0, 0], "tip": "block.end", "start": "equilibrium", "duration": 1.5e-4, "output_step": 5e-5}
+    found = list[Array]()
+    for method in ({"integrator": "generalized-alpha", "step": 2e-6, "rho": 0}, {"step": 2e-8}):
+        simulation = BLOCK["simulation"] | more | {"run": [BLOCK["simulation"]["run"][0] | method]}
+        run = cantilever(body={"block": body}, drive=drives, contact={"wall": contact}, simulation=simulation)
+        own = run.motion.contacts["wall"]
+        found.append(np.append(own.impulse[-1, :2], own.friction_work[-1]))
+    implicit, explicit = found
+    np.testing.assert_allclose(implicit[:2], explicit[:2], rtol=0.01)
+    assert implicit[2] == pytest.approx(explicit[2], rel=0.03)

@@ -21,8 +21,10 @@ from fmd.core.arrays import Array
 from fmd.core.errors import ConvergenceError, StabilityError
 from fmd.core.limits.newton import (
     CONVERGED,
+    DAMPED_ITERATIONS,
     LEAST_MOVED,
     LEAST_PRESSED,
+    MOST_HALVED,
     OF_GUESS,
     POSITION_ROUND_OFF,
     STALLED,
@@ -219,7 +221,7 @@ def _evaluate_end(m: NewmarkSteps, p: Any, end: float, found: Array) -> None:
 def _find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
     """Find the accelerations at a step's ``end`` [s] by Newton's method; false if it does not converge."""
     n = m.v.size
-    for trial in range(3):  # a loop, since a call with True and one with False would be compiled each
+    for trial in range(3):  # a loop, since calls with constants would be compiled each
         if trial == 1 and m.finest == m.nudge:
             continue
         for i in range(n):
@@ -230,7 +232,7 @@ def _find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
                 ahead = -(m.v[i] / m.h + (0.5 - m.beta) * m.a[i]) / m.beta  # so that positions stay
                 ahead = (1.0 - m.alpha_m) * ahead + m.alpha_m * m.a[i]
                 m.new[i] = (ahead - m.alpha_f * m.a[n + i]) / (1.0 - m.alpha_f)
-        if _converges(m, p, end, trial < 2, m.nudge if trial == 0 else m.finest):
+        if _converges(m, p, end, trial):
             return m.tangent.shape[0] == n or _carry_tangents(m, p, end)
         m.marks[0] = 0.0
     return False
@@ -263,20 +265,24 @@ def _renew_tangent(m: NewmarkSteps, p: Any, end: float, least: float) -> None:
 
 
 @inner
-def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool, nudge: float) -> bool:
-    """Iterate from the trial accelerations until they converge; if ``wary``, only while corrections shrink.
+def _converges(m: NewmarkSteps, p: Any, end: float, trial: int) -> bool:
+    """Iterate from the trial accelerations until they converge: at first only while corrections shrink.
 
+    In the second trial corrections are shortened, each with a new tangent: whole ones go to and fro across states of
+    points that begin to slip or part.
     Forces that balance leave an acceleration with their own round-off: a correction that no longer shrinks, or shrinks
     to the last, is good enough if it is small beside the largest one so far, or moves positions by their round-off.
     Beside a singular position of a loop it moves them by more, though the equations hold, and with a new tangent, too.
     """
     n, largest_before, peak = m.tangent.shape[0], math.inf, m.marks[1]
     to_position = m.h * m.h * m.beta * (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
-    for iteration in range(STEP_ITERATIONS):
+    damped = trial == 1
+    iterations = DAMPED_ITERATIONS if damped else STEP_ITERATIONS
+    for iteration in range(iterations):
         _evaluate_end(m, p, end, m.found)
         size, largest, reached = VANISHED, 0.0, 1.0
-        if m.marks[0] == 0.0 or (iteration > 0 and iteration % 4 == 0):
-            _renew_tangent(m, p, end, nudge)
+        if damped or m.marks[0] == 0.0 or (iteration > 0 and iteration % 4 == 0):
+            _renew_tangent(m, p, end, m.nudge if trial == 0 else m.finest)
         left = 0.0
         for i in range(n):
             left = max(left, abs(m.found[i] - m.new[i]))
@@ -291,17 +297,39 @@ def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool, nudge: float) ->
         slow = largest > STALLED * largest_before
         moved = LEAST_MOVED if iteration > 4 and left <= CONVERGED * peak else POSITION_ROUND_OFF
         good_enough = max(CONVERGED * peak, moved * reached / to_position)
-        last = iteration == STEP_ITERATIONS - 1  # beneath round-off it may shrink by a steady factor for long
+        last = iteration == iterations - 1  # beneath round-off it may shrink by a steady factor for long
         if _settles(largest, 0.0 if last else largest_before, CONVERGED * size, good_enough):
             m.marks[1] = max(peak, size)
             _evaluate_end(m, p, end, m.found)
             return True
-        if wary and largest > largest_before:
+        if trial == 0 and largest > largest_before:
             return False
+        if damped:
+            _shorten(m, p, end)
         if slow:
             m.marks[0] = 0.0  # too slow: a fresh tangent
         largest_before = largest
     return False
+
+
+@inner
+def _shorten(m: NewmarkSteps, p: Any, end: float) -> None:
+    """Halve the correction that was made, which is in ``found``, until the next one by its tangent is shorter."""
+    n, share = m.tangent.shape[0], 1.0
+    for _ in range(MOST_HALVED):
+        _evaluate_end(m, p, end, m.shifted)
+        before, after = 0.0, 0.0
+        for i in range(n):
+            m.shifted[i] -= m.new[i]
+        solve_part(m.tangent, m.shifted, 0, 1)
+        for i in range(n):
+            before += m.found[i] ** 2
+            after += m.shifted[i] ** 2
+        if math.sqrt(after) <= (1.0 - 0.25 * share) * math.sqrt(before):
+            return
+        share *= 0.5
+        for i in range(n):
+            m.new[i] -= share * m.found[i]
 
 
 @inner

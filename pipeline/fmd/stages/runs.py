@@ -368,7 +368,9 @@ def _march(run: Pipeline, label: str, plan: Plan) -> Trajectory:
         with run.store.monitor(label) as advance, run.while_timed():
             return plan.march(run.output_times, advance)
     except ConvergenceError as error:  # static responses may stall it at any step
-        raise ConvergenceError(f"{error}{leave_fastest_out(run.scene)}") from error
+        left = leave_fastest_out(run.scene)
+        damped = "; rho = 0 damps them" if left and bool(getattr(plan.integrator, "rho", 0.0)) else ""
+        raise ConvergenceError(f"{error}{left}{damped}") from error
     except AccuracyError as error:
         if isinstance(error, InertiaError) or not run.scene.sampled:
             raise

@@ -68,6 +68,8 @@ LEAST_MOVED = 1e-10  # of positions, by which slopes are differences above the a
 # The same where surfaces touch, which a move by more may part, at first and where that doesn't converge [rad or m].
 LEAST_PRESSED = 1e-12, 1e-14
 STEP_ITERATIONS = 12  # of a step: one that needs more is too long
+DAMPED_ITERATIONS = 36  # the same with shortened corrections: few of those that are long cross no state of a point
+MOST_HALVED = 6  # of these corrections: 1/64 of one is made whatever the next one is
 VANISHED = 1e-200  # an acceleration below which nothing is left to converge: damped motions underflow in the end
 BALANCING_PART = 1e-6  # part of each coordinate of the start by which it is changed to see what forces balance there
 
