@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from fmd.contact.compliances import keep_along_normals
+from fmd.contact.dense import dot
 from fmd.contact.tables import ContactTable
-from fmd.core.arrays import Array
 from fmd.core.limits.contact import BLOCK_CHANGES, SET_CHANGES, SMALL_FORCE
 from fmd.kernels.kernel import inner
 
@@ -78,7 +78,7 @@ def _factor_active(c: ContactTable, g: int) -> bool:
         own = n + i * size
         for j in range(i + 1):
             other = n + j * size
-            entry = c.N[row + c.factored[first + j]] - _dot(c.L, own, c.L, other, j)
+            entry = c.N[row + c.factored[first + j]] - dot(c.L, own, c.L, other, j)
             if j < i:
                 c.L[own + j] = entry / c.L[other + j]
             elif entry > 0.0:
@@ -90,29 +90,13 @@ def _factor_active(c: ContactTable, g: int) -> bool:
 
 
 @inner
-def _dot(A: Array, one: int, B: Array, other: int, count: int) -> float:
-    """Return the product of numbers of two arrays, in four sums that don't wait for one another."""
-    s0, s1, s2, s3, k = 0.0, 0.0, 0.0, 0.0, 0
-    while k + 3 < count:
-        s0 += A[one + k] * B[other + k]
-        s1 += A[one + k + 1] * B[other + k + 1]
-        s2 += A[one + k + 2] * B[other + k + 2]
-        s3 += A[one + k + 3] * B[other + k + 3]
-        k += 4
-    while k < count:
-        s0 += A[one + k] * B[other + k]
-        k += 1
-    return (s0 + s1) + (s2 + s3)
-
-
-@inner
 def _solve(c: ContactTable, g: int) -> None:
     """Solve ``L Lᵀ x = b`` into b."""
     first, count = c.group[g], c.n_factored[g]
     size, n = c.group[g + 1] - first, c.first_entry[g, 1]
     for i in range(count):
         row = n + i * size
-        c.b[i] = (c.b[i] - _dot(c.L, row, c.b, 0, i)) / c.L[row + i]
+        c.b[i] = (c.b[i] - dot(c.L, row, c.b, 0, i)) / c.L[row + i]
     for back in range(count):
         i = count - 1 - back
         row = n + i * size
