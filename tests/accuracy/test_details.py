@@ -195,3 +195,13 @@ def test_a_place_goes_as_far_between_output_times_from_where_it_was_at_the_start
     exact = np.linalg.norm(fine.tip_position - fine.tip_position[0], axis=1).max()
     assert run.motion.tip_position.shape < fine.tip_position.shape
     assert exact <= largest["tip.position"] < 1.001 * exact
+
+
+def test_the_largest_stress_of_a_body_in_pieces_has_its_peak_between_output_times() -> None:
+    own = ["body.beam.pieces=2", "body.beam.mesh.divisions=[6, 1, 1]", "simulation.run=[{integrator='auto'}]"]
+    own += ["simulation.duration=80 ms", "simulation.output_step=40 ms"]  # the peak is at 50 ms
+    run = Pipeline(load_scene("beam-paper", own), Cache(None))
+    row = next(row for row in state_errors(run, 1e-9).rows if row.name == "beam, largest von Mises stress")
+    dense = run.stress_of("beam", run.fine_motion).worst()[2]
+    assert row.value == pytest.approx(run.stress_of("beam").worst()[2])
+    assert 1.01 * row.value < 0.98 * dense < row.value + row.between < 1.02 * dense

@@ -104,7 +104,6 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
     }
     rows: list[Row] = []
     details: list[Row] = []
-    largest = largest_between(run)
     for name, quantity in estimates.quantities.items():
         parts = {source: by_source.get(source, {}).get(name, NO_PART) for source in SOURCES}
         if name in estimates.model.missing:
@@ -118,12 +117,16 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
         over_time = not (quantity.largest or name in estimates.of_mesh)
         correction = estimates.corrections.get(name, 0.0)
         kind = details if name in estimates.details else rows
-        between = max(largest.get(name, 0.0) - quantity.scale, 0.0) if quantity.scale else 0.0
-        kind.append(Row(name, quantity.unit, quantity.scale, over_time, parts, correction, between))
+        kind.append(Row(name, quantity.unit, quantity.scale, over_time, parts, correction))
+    largest = largest_between(run)
+
+    def with_peak(row: Row) -> Row:
+        return replace(row, between=max(largest.get(row.name, 0.0) - row.value, 0.0) if row.value else 0.0)
+
     causes, left_out = tuple(estimates.model.causes), tuple(estimates.left_out)
     return Budget(
-        tuple(_join_pieces(rows)),
-        tuple(details),
+        tuple(map(with_peak, _join_pieces(rows))),
+        tuple(map(with_peak, details)),
         model=causes,
         left_out=left_out,
         seconds=limit.spent,

@@ -109,7 +109,7 @@ def largest_between(run: Pipeline) -> dict[str, float]:
 
     Stress is that where it is largest at the output times. Angles that bodies turn, half a turn at most, have none.
     """
-    stressed = {name: run.stress_of(name) for name, part in run.wholes.items() if part.has_stress and name in run.parts}
+    stressed = {name: run.stress_of(name) for name, part in run.wholes.items() if part.has_stress}
     worst = {name: stress.worst()[1] for name, stress in stressed.items()}
     starts: dict[str, Array] = {}  # of places, whose sizes are how far they are from there
 
