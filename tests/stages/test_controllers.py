@@ -14,7 +14,7 @@ from fmd import Pipeline, jacobian, load_scene
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.cli.app import main
 from fmd.core.arrays import Array
-from fmd.core.errors import AccuracyError, InputError
+from fmd.core.errors import AccuracyError, ConvergenceError, InputError
 from fmd.output.channels import find_channels
 from fmd.output.histories import history_variables
 from fmd.scene.scene import Scene
@@ -288,12 +288,15 @@ def test_a_sample_time_that_makes_the_loop_unstable_is_told_with_one_that_would_
         assert growth(float(mend[1])) <= 0.0 < growth(float(mend[1]) + 0.011)
 
 
-def test_a_motion_that_fails_by_its_sample_time_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("kind", [AccuracyError, ConvergenceError])
+def test_a_motion_that_fails_by_its_sample_time_says_so(
+    kind: type[AccuracyError], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     march = Plan.march
 
     def fail(plan: Plan, times: Array, *rest: Any) -> Any:
         if len(times) > 1:  # else it is compiled
-            raise AccuracyError("the last two marches differ")
+            raise kind("the last two marches differ")
         return march(plan, times, *rest)
 
     monkeypatch.setattr(Plan, "march", fail)

@@ -367,19 +367,17 @@ def _march(run: Pipeline, label: str, plan: Plan) -> Trajectory:
     try:
         with run.store.monitor(label) as advance, run.while_timed():
             return plan.march(run.output_times, advance)
-    except ConvergenceError as error:  # static responses may stall it at any step
-        left = leave_fastest_out(run.scene)
-        damped = "; rho = 0 damps them" if left and bool(getattr(plan.integrator, "rho", 0.0)) else ""
-        raise ConvergenceError(f"{error}{left}{damped}") from error
     except AccuracyError as error:
-        if isinstance(error, InertiaError) or not run.scene.sampled:
-            raise
-        from fmd.stages.sampling_check import find_unstable_sampling, state_of_start
+        if run.scene.sampled and not isinstance(error, InertiaError):
+            from fmd.stages.sampling_check import find_unstable_sampling, state_of_start
 
-        cause = find_unstable_sampling(run, state_of_start(run))
-        if not cause:
-            raise
-        raise AccuracyError(f"{error}; {cause}") from error
+            if cause := find_unstable_sampling(run, state_of_start(run)):
+                raise AccuracyError(f"{error}; {cause}") from error
+        if isinstance(error, ConvergenceError):  # static responses may stall it at any step
+            left = leave_fastest_out(run.scene)
+            damped = "; rho = 0 damps them" if left and bool(getattr(plan.integrator, "rho", 0.0)) else ""
+            raise ConvergenceError(f"{error}{left}{damped}") from error
+        raise
 
 
 def march_finely(built: Pipeline) -> Motion:
