@@ -10,6 +10,11 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.mesh import DEEPEST_LINKS
 
 
+def rows_of(nodes: IntArray) -> IntArray:
+    """Return the displacements of nodes (k,) among those of all points, shape (3 k,)."""
+    return np.asarray((3 * nodes[:, None] + np.arange(3)).ravel())
+
+
 class Constraints:
     """Equations that give some unknowns of a body and its grid points by others, solved for all by independent ones.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,7 +12,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.mesh import ON_A_LINE, OUTSIDE, RIGID_RESIDUAL, SEAM_PLACES
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms, join_arms
-from fmd.fem.constraints import Constraints
+from fmd.fem.constraints import Constraints, rows_of
 from fmd.fem.joined import JoinedSpace, Seam
 from fmd.fem.markers import facets_on_face, weighted_marker
 from fmd.fem.model import FEModel
@@ -44,11 +45,13 @@ def join_models(space: JoinedSpace, models: Sequence[FEModel]) -> ShellModel:
     order = np.concatenate([*own, *behind])
     place = np.empty_like(order)
     place[order] = number
-    rows = (3 * order[:, None] + np.arange(3)).ravel()
-    T = sp.csr_array(sp.block_diag([_own_map(model) for model in models], format="csr")[rows])
+    rows = rows_of(order)
+    T = sp.csr_array(sp.block_diag([model.point_map for model in models], format="csr")[rows])
     x = np.concatenate([model.x for model in models])[order]
     arms = [_placed(model.arms, start, place) for model, start in zip(models, starts, strict=False)]
-    directors = _all_of([_placed(own.directors, start, place) for own, start in zip(models, starts, strict=False)])
+    directors = reduce(
+        join_arms, [_placed(own.directors, start, place) for own, start in zip(models, starts, strict=False)]
+    )
     constraints = Constraints(T.shape[1], 0)
     for seam in space.mesh.seams:
         _sew(seam, space, T, constraints)
@@ -63,14 +66,9 @@ def join_models(space: JoinedSpace, models: Sequence[FEModel]) -> ShellModel:
         _permuted([model.m for model in models], order),
         x,
         T=sp.csr_array(T @ J),
-        arms=_all_of(arms),
+        arms=reduce(join_arms, arms),
         directors=directors,
     )
-
-
-def _own_map(model: FEModel) -> sp.csr_array:
-    """Return how the points of a model move by its unknowns."""
-    return sp.csr_array(sp.eye_array(3 * len(model.x), format="csr")) if model.T is None else model.T
 
 
 def _permuted(blocks: Sequence[sp.csr_array], order: IntArray) -> sp.csr_array:
@@ -87,14 +85,6 @@ def _placed(arms: Arms | None, start: int, place: IntArray) -> Arms | None:
     columns = 3 * place[start + column // 3] + column % 3
     moved = sp.csr_array((turn.data, (row, columns)), shape=(turn.shape[0], 3 * len(place)))
     return Arms(place[start + arms.points], arms.link, moved, arms.second)
-
-
-def _all_of(arms: Sequence[Arms | None]) -> Arms | None:
-    """Return the arms of all members."""
-    found: Arms | None = None
-    for each in arms:
-        found = join_arms(found, each)
-    return found
 
 
 class _Shared:
@@ -115,7 +105,7 @@ class _Shared:
         if constraints.are_given(rotations).any():
             return
         x, points = self._space.x, self._points(second, follower)
-        arms = sp.csr_array(self._T[_rows(points)])[:, rotations].toarray()
+        arms = sp.csr_array(self._T[rows_of(points)])[:, rotations].toarray()
         whole = rigid_motions(x[points] - x[second])[:, :, 3:].reshape(-1, 3)
         leader = member_of(self._space.members, first)
         assert self._directors is not None
@@ -165,14 +155,14 @@ def _sew(seam: Seam, space: JoinedSpace, T: sp.csr_array, constraints: Constrain
             raise SeamError(f"{seam.label}: a node follows two faces")
         # the unknowns' motion as rotation and displacement, and that at the places
         known = rigid_motions(space.x[points] - space.x[node]).reshape(-1, 6)
-        motion = np.linalg.pinv(known, rcond=ON_A_LINE) @ sp.csr_array(T[_rows(points)])[:, unknowns].toarray()
+        motion = np.linalg.pinv(known, rcond=ON_A_LINE) @ sp.csr_array(T[rows_of(points)])[:, unknowns].toarray()
         there = rigid_motions(places - space.x[node]).reshape(-1, 6) @ motion
         root = np.sqrt(np.repeat(share, 3))[:, None]
         matrix = np.linalg.pinv(root * there, rcond=ON_A_LINE) @ (root * moved)
         left = there @ matrix @ rigid_motions(solids.space.x[nodes]).reshape(-1, 6)
         if np.abs(left - rigid_motions(places).reshape(-1, 6)).max() > RIGID_RESIDUAL * max(extent, 1.0):
             raise SeamError(f"{seam.label}: it doesn't follow rigid motions of the face")
-        constraints.give(unknowns, (3 * (solids.first + nodes)[:, None] + np.arange(3)).ravel(), matrix)
+        constraints.give(unknowns, rows_of(solids.first + nodes), matrix)
 
 
 def _across(space: JoinedSpace, node: int) -> tuple[IntArray, Array, Array]:
@@ -197,12 +187,7 @@ def _across(space: JoinedSpace, node: int) -> tuple[IntArray, Array, Array]:
     return member.first + points, places, share / share.sum()
 
 
-def _rows(points: IntArray) -> IntArray:
-    """Return the displacements of points (k,) among those of all, shape (3 k,)."""
-    return np.asarray((3 * points[:, None] + np.arange(3)).ravel())
-
-
 def _columns(T: sp.csr_array, points: IntArray) -> IntArray:
     """Return the unknowns that move points; of one node its displacements in their order."""
-    rows = sp.csr_array(T[_rows(points)])
+    rows = sp.csr_array(T[rows_of(points)])
     return rows.indices if len(points) == 1 and rows.nnz == 3 else np.unique(rows.indices)

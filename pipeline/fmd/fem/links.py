@@ -18,7 +18,7 @@ from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.limits.mesh import RIGID_RESIDUAL
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms, join_arms, second_of_mean, second_of_rigid
-from fmd.fem.constraints import Constraints
+from fmd.fem.constraints import Constraints, rows_of
 from fmd.fem.idle_motions import without_idle_motions
 from fmd.fem.markers import Marker
 from fmd.fem.model import FEModel
@@ -146,7 +146,7 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
         Two rigid links share nodes, equations contradict them, or a mass isn't held by what it hangs on.
     """
     n, links, names = len(fe.x), linked.links, {name: k for k, name in enumerate(linked.links)}
-    own_T = sp.csr_array(sp.eye_array(3 * n, format="csr")) if fe.T is None else fe.T
+    own_T = fe.point_map
     constraints = Constraints(own_T.shape[1], len(links))
     for tie in linked.ties:
         free = ~constraints.are_given(tie.unknowns)
@@ -163,7 +163,7 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
                 constraints.give(unknowns, grid, values)
                 carried[k].append(carried_points(own_T, unknowns, values, _second_of(link, fe.x)))
         if (followed := link.followed) is not None:
-            mean = sp.csr_array(mean_motion(followed, link.at)) @ own_T[_rows(followed.nodes)]
+            mean = sp.csr_array(mean_motion(followed, link.at)) @ own_T[rows_of(followed.nodes)]
             unknowns = np.unique(mean.indices)
             constraints.give(grid, unknowns, mean[:, unknowns])
         arms = fe.x[marker.nodes] - marker.position
@@ -218,14 +218,9 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
     )
 
 
-def _rows(nodes: IntArray) -> IntArray:
-    """Return the displacements of nodes (k,) among those of all points, shape (3 k,)."""
-    return np.asarray((3 * nodes[:, None] + np.arange(3)).ravel())
-
-
 def _apply(equation: Relation, constraints: Constraints, links: Mapping[str, int], own_T: sp.csr_array) -> None:
     """Give one of the unknowns of an equation by the others: of its first term, or the first that isn't given yet."""
-    rows = sp.csr_array(own_T[_rows(np.array(list(equation.nodes), dtype=np.int64))])
+    rows = sp.csr_array(own_T[rows_of(np.array(list(equation.nodes), dtype=np.int64))])
     values = np.repeat(np.concatenate([np.zeros(0), *equation.nodes.values()]), np.diff(rows.indptr)) * rows.data
     grids = [constraints.grid(links[name]) for name in equation.links]
     all_terms = np.concatenate([rows.indices, *grids]), np.concatenate([values, *equation.links.values()])
@@ -253,7 +248,7 @@ def _stretches(springs: Sequence[Relation], starts: Mapping[str, int], x: Array)
             turn = arms_marker(shown, x[shown]).rotation_weights
             terms += [(shown[:1], of_link[:3]), (shown, np.tensordot(of_link[3:], turn, axes=1).ravel())]
         for points, each in terms:
-            columns.append((3 * points[:, None] + np.arange(3)).ravel())
+            columns.append(rows_of(points))
             values.append(np.sqrt(spring.stiffness) * each)
             rows.append(np.full(len(columns[-1]), k))
     place = np.concatenate(rows), np.concatenate(columns)
@@ -289,7 +284,7 @@ def _arms(
         number.append(np.full(len(own) + sum(len(each.second) for each in moved), k))
         shown = starts[k] + np.arange(7)
         rotation = arms_marker(shown, x[shown]).rotation_weights.reshape(3, -1)
-        place = (np.repeat(np.arange(3), 21), np.tile(_rows(shown), 3))
+        place = (np.repeat(np.arange(3), 21), np.tile(rows_of(shown), 3))
         turns.append(sp.csr_array((rotation.ravel(), place), shape=(3, 3 * len(x))))
     return Arms(np.concatenate(points), np.concatenate(number), sp.csr_array(sp.vstack(turns)), np.concatenate(second))
 

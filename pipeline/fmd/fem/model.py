@@ -45,6 +45,11 @@ class FEModel:
         """Node positions, shape (n_nodes, 3) [m]."""
         return self.discretisation.x
 
+    @property
+    def point_map(self) -> sp.csr_array:
+        """How all points move by the unknowns, shape (3 n_nodes, n_unknowns): T, or one."""
+        return sp.csr_array(sp.eye_array(3 * len(self.x), format="csr")) if self.T is None else self.T
+
     @cached_property
     def M(self) -> sp.csr_array:
         """Consistent mass matrix of all unknowns, shape (3 n_nodes, 3 n_nodes) [kg]."""

@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from fmd.core.arrays import IntArray
 from fmd.core.limits.mesh import ON_A_LINE
 from fmd.fem.arms import Arms
+from fmd.fem.constraints import rows_of
 from fmd.fem.markers import weighted_marker
 from fmd.fem.space import Member
 
@@ -27,7 +28,7 @@ def node_turns(T: sp.csr_array, directors: Arms, member: Member, nodes: IntArray
         around = np.append(around[around != node], node)
         mean = weighted_marker(around[:-1], x[around[:-1]] - x[node], np.ones(len(around) - 1)).rotation_weights
         relative = np.concatenate([mean, -mean.sum(axis=1, keepdims=True)], axis=1).reshape(3, -1)
-        by_mean = sp.csr_array(relative) @ T[(3 * (first + around)[:, None] + np.arange(3)).ravel()]
+        by_mean = sp.csr_array(relative) @ T[rows_of(first + around)]
         turned = sp.csr_array(directors.turn[3 * node + np.arange(3)] @ T)
         shown = turned[:, np.unique(turned.indices)].toarray() if turned.nnz else np.zeros((3, 0))
         axes, sizes, _ = np.linalg.svd(shown) if shown.size else (np.eye(3), np.zeros(3), None)

@@ -11,6 +11,7 @@ from scipy.sparse.linalg import splu
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.rotations import rigid_motions
+from fmd.fem.constraints import rows_of
 
 
 def rigid_unknowns(T: sp.csr_array, x: Array, nodes: IntArray, at: Array) -> tuple[IntArray, Array]:
@@ -20,7 +21,7 @@ def rigid_unknowns(T: sp.csr_array, x: Array, nodes: IntArray, at: Array) -> tup
     displacements move the piece's points, as those of a shell's nodes, all points that these alone move belong to the
     piece. Values are by displacement and rotation of its reference point ``at`` [m].
     """
-    rows = sp.csr_array(T[(3 * nodes[:, None] + np.arange(3)).ravel()])
+    rows = sp.csr_array(T[rows_of(nodes)])
     if len(rows.indices) == rows.shape[0] and (rows.data == 1.0).all():
         return rows.indices, rigid_motions(x[nodes] - at).reshape(-1, 6)
     unknowns = np.unique(rows.indices)
@@ -32,7 +33,7 @@ def rigid_unknowns(T: sp.csr_array, x: Array, nodes: IntArray, at: Array) -> tup
 def moved_points(T: sp.csr_array, unknowns: IntArray) -> tuple[IntArray, sp.csr_array]:
     """Return the points (k,) that unknowns (m,) alone move, and the rows and columns of both in T, shape (3 k, m)."""
     touched = np.unique(sp.csc_array(T[:, unknowns]).indices // 3)
-    rows = sp.csr_array(T[(3 * touched[:, None] + np.arange(3)).ravel()])
+    rows = sp.csr_array(T[rows_of(touched)])
     others = np.ones(T.shape[1])
     others[unknowns] = 0.0
     alone = (abs(rows) @ others).reshape(-1, 3).max(axis=1) == 0.0
@@ -68,6 +69,6 @@ def carried_points(
     of_unknowns[part[own].indices] = second.reshape(-1, 9)[own]
     all_moved = np.unique(sp.csc_array(T[:, unknowns]).indices // 3)
     beside = np.setdiff1d(all_moved, points)
-    rows = sp.csr_array(T[(3 * beside[:, None] + np.arange(3)).ravel()])[:, unknowns]
+    rows = sp.csr_array(T[rows_of(beside)])[:, unknowns]
     inside = np.asarray(rows @ of_unknowns).reshape(-1, 3, 3, 3)
     return CarriedPoints(points, arms, beside, np.concatenate([second, inside]))

@@ -29,6 +29,7 @@ from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms
 from fmd.fem.connections import TiedFaces
+from fmd.fem.constraints import rows_of
 from fmd.fem.mesh import rows_among, three_corners
 from fmd.fem.model import FEModel
 from fmd.fem.mortar import bilinear_places
@@ -84,7 +85,7 @@ class ShellNodes:
     def rows(self, nodes: IntArray) -> IntArray:
         """Return the rows of nodes' displacements in T, shape (3 n,)."""
         first = self.member.first + len(self.member.space.x)
-        return np.asarray((3 * (first + nodes)[:, None] + np.arange(3)).ravel())
+        return rows_of(first + nodes)
 
     def whole(self, face: IntArray) -> IntArray:
         """Return the elements all of whose nodes are on a face, given by nodes (n,) or by corners of elements."""

@@ -13,6 +13,7 @@ from fmd.core.limits.mesh import RIGID_RESIDUAL
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import rigid_motions
 from fmd.fem.connections import TiedFaces
+from fmd.fem.constraints import rows_of
 from fmd.fem.markers import facets_on_face, weighted_marker
 from fmd.fem.model import FEModel
 from fmd.fem.mortar import follow_face
@@ -46,7 +47,7 @@ def tie_faces(fe: FEModel, member: Member, given: TiedFaces) -> Tie:
         raise ValueError(f"{given.label}: its faces share {shared} nodes, by which they are joined already")
     if midsurface is None:
         points, others, weights = _follow(member.space, given, given.face, given.onto)
-        return Tie(given.label, _rows(member.first + points), _rows(member.first + others), weights)
+        return Tie(given.label, rows_of(member.first + points), rows_of(member.first + others), weights)
     if midsurface.has_sections:
         raise ValueError(f"{given.label} joins beams, which links join")
     sheet = ShellNodes(fe, member)
@@ -58,16 +59,16 @@ def tie_faces(fe: FEModel, member: Member, given: TiedFaces) -> Tie:
     )
     points, others, weights = _follow(member.space, given, *both)
     kept = _facing(member.space.x, midsurface.owner, points, others, weights)
-    points, weights = points[kept], weights[_rows(kept)]
+    points, weights = points[kept], weights[rows_of(kept)]
     owner = midsurface.owner[points]
     if len(np.unique(owner)) < len(owner):
         raise ValueError(f"{given.label}: both sides of its first face lie against the second; name a face for each")
     unknowns = sheet.T[sheet.rows(owner)].indices
     if len(unknowns) > 3 * len(owner):
         raise ValueError(moved_already(given.label))
-    moved = sheet.T[_rows(member.first + points)]
+    moved = sheet.T[rows_of(member.first + points)]
     own = sp.csr_array((np.ones(len(unknowns)), (np.arange(len(unknowns)), unknowns)), shape=moved.shape)
-    follows = sp.csr_array(weights @ sheet.T[_rows(member.first + others)] - (moved - own))
+    follows = sp.csr_array(weights @ sheet.T[rows_of(member.first + others)] - (moved - own))
     known = np.unique(follows.indices)
     return Tie(given.label, unknowns, known, sp.csr_array(follows[:, known]))
 
@@ -106,11 +107,6 @@ def _follow(
     if np.abs(left).max() > RIGID_RESIDUAL * max(extent, 1.0):
         raise ValueError(f"{given.label}: its faces meet on a line, about which one would turn on the other")
     return found.nodes, found.others, weights
-
-
-def _rows(nodes: IntArray) -> IntArray:
-    """Return the displacements of nodes (k,) among those of all points, shape (3 k,)."""
-    return np.asarray((3 * nodes[:, None] + np.arange(3)).ravel())
 
 
 def _nodes(space: Discretisation, facets: IntArray) -> IntArray:
