@@ -54,7 +54,7 @@ def test_intervals_hold_the_truth_in_95_of_100_noises(given: bool) -> None:
     truth, inside, chi2 = vibration(*TRUTH.values()).real, np.zeros(len(TRUTH)), []
     for seed in range(SEEDS):
         values = truth + NOISE * np.random.default_rng(seed).standard_normal(TIMES.size)
-        sigma = NOISE if given else estimate_noise(values)
+        sigma = NOISE if given else estimate_noise(TIMES, values)
         fit = fit_scene((Vibration((MeasuredChannel("x", "m", values, sigma, given),)),), varied)
         ends = zip(fit.intervals, TRUTH.values(), strict=True)
         inside += [low <= true <= high for (low, high), true in ends]

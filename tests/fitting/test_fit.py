@@ -135,7 +135,8 @@ def test_information_is_the_inverse_normal_matrix_and_infinite_where_nothing_is_
 def test_chi_squared_of_noise_that_is_estimated_has_the_probability_that_it_is_so_large() -> None:
     """Of 4,000 noises of 400 values each, one in a hundred is below 0.01 and one in ten below 0.1."""
     noises = np.random.default_rng(4).standard_normal((4000, 400))
-    found = [probability_of(float(np.sum((x / estimate_noise(x)) ** 2)), 400, noise_spread()) for x in noises]
+    t = np.linspace(0.0, 1.0, 400)
+    found = [probability_of(float(np.sum((x / estimate_noise(t, x)) ** 2)), 400, noise_spread()) for x in noises]
     assert np.mean(np.array(found) < 0.1) == pytest.approx(0.1, abs=0.02)
     assert np.mean(np.array(found) < 0.01) == pytest.approx(0.01, abs=0.007)
 
@@ -143,8 +144,13 @@ def test_chi_squared_of_noise_that_is_estimated_has_the_probability_that_it_is_s
 def test_noise_is_estimated_on_a_smooth_history_and_its_residuals_are_white() -> None:
     rng, t = np.random.default_rng(3), np.linspace(0.0, 1.0, 2000)
     noise = 0.01 * rng.standard_normal(2000)
-    assert estimate_noise(np.sin(6.0 * t) + noise) == pytest.approx(0.01, rel=0.1)
-    assert estimate_noise(t**3) < 1e-12
+    assert estimate_noise(t, np.sin(6.0 * t) + noise) == pytest.approx(0.01, rel=0.1)
+    assert estimate_noise(t, t**3) < 1e-12
+    uneven = np.sort(rng.permutation(t)[:1500])
+    few = uneven[(uneven < 0.4) | (uneven > 0.5)][::5]
+    for some in (uneven, few, t[(t < 0.3) | (t > 0.6)][::10]):
+        own = 0.01 * rng.standard_normal(some.size)
+        assert estimate_noise(some, np.sin(20.0 * some) + own) == pytest.approx(0.01, rel=0.2)
     assert whiteness(noise) > 0.01
     assert whiteness(noise + 0.005 * np.sin(6.0 * t)) < 1e-6
 

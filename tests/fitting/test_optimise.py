@@ -323,7 +323,7 @@ def test_the_largest_of_a_result_is_found_too() -> None:
             ["frequency.1 >= 4 kHz"],
             ["body.bar.depth=15..30 mm"],
             AccuracyError,
-            "no design was found with frequency.1 >= 4000",
+            "no design was found with frequency.1 >= 4000 Hz: the search ended at body.bar.depth = 0.03 m",
         ),
         ("mass", ["frequency.1 > 40"], BOUNDS, InputError, "must be a result and its bound"),
         ("mass", ["frequency.1 >= 40 kg"], BOUNDS, InputError, "must be in a unit of Hz"),

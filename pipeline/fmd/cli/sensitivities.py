@@ -88,7 +88,8 @@ def _sample(run: Pipeline, found: Sequence[Sensitivity], count: int) -> dict[str
 
 def _print(found: Sequence[Sensitivity], rows: Sequence[dict[str, Any]]) -> None:
     columns = {"result": "{}", "value": "{}", "by": "{}", "at": "{}", "% per %": "{:+.5g}", "±": "{}"}
-    order = sorted(range(len(rows)), key=lambda k: (_first(rows, rows[k]["of"]), -abs(rows[k]["relative"] or 0.0)))
+    names = [row["of"] for row in rows]
+    order = sorted(range(len(rows)), key=lambda k: (names.index(names[k]), -abs(rows[k]["relative"] or 0.0)))
     cells = []
     for k in order:
         row, off = rows[k], found[k].relative_error
@@ -137,7 +138,3 @@ def _print_uncertainties(found: Sequence[Uncertainty]) -> None:
         cell = (row["of"], scaled(each.value, row["unit"]), scaled(row["half_width"], row["unit"]), most, sampled)
         cells.append(cell[: len(columns)])
     print_table("Uncertainties by tolerances, to first order", columns, cells)
-
-
-def _first(rows: Sequence[dict[str, Any]], name: str) -> int:
-    return next(k for k, row in enumerate(rows) if row["of"] == name)

@@ -75,7 +75,8 @@ def write_sensitivities(found: Sequence[Sensitivity], times: Array | None, folde
         The folder can't be written.
     """
     rows = [each.row() for each in found]
-    cells = [{**row, **_bounds(row.pop("interval"))} for row in rows]
+    ends = ("relative_low", "relative_high")
+    cells = [row | dict(zip(ends, row.pop("interval") or (None, None), strict=True)) for row in rows]
     _write(folder / "sensitivities.csv", list(cells[0]), [[*row.values()] for row in cells])
     files = ["sensitivities.csv"]
     histories = [each for each in found if each.value.ndim]
@@ -128,11 +129,6 @@ def write_uncertainties(found: Sequence[Uncertainty], folder: Path, title: str) 
     label = "change of the result [%] by the number's tolerance"
     draw_tornado(bars, folder / "uncertainties.png", title=title, label=label)
     return ["uncertainties.csv", "uncertainties.png"]
-
-
-def _bounds(interval: list[float] | None) -> dict[str, float | None]:
-    low, high = interval or (None, None)
-    return {"relative_low": low, "relative_high": high}
 
 
 def _write(path: Path, header: list[str], rows: Sequence[Sequence[object]]) -> None:

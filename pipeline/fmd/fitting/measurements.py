@@ -8,10 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.limits.fitting import NOISE_ORDER
+from fmd.core.limits.fitting import NOISE_ORDER, WHOLE_WINDOW
 from fmd.core.units import unit_ratio
 from fmd.fitting.measured_tables import MeasuredTable
 from fmd.output.channels import ResultChannel, find_channels
@@ -75,7 +76,7 @@ def read_measurements(run: Pipeline, table: MeasuredTable, sigmas: Mapping[str, 
         if len(found) != 1 or found[0].name != name or not found[0].moves or found[0].largest is not None:
             raise InputError(file, text, None, "is no history of one number; those of a vector have .x, .y and .z")
         values = column * unit_factor(file, text, unit or found[0].unit, found[0].unit)
-        sigma = sigmas.get(name) or estimate_noise(values)
+        sigma = sigmas.get(name) or estimate_noise(times, values)
         if not sigma > 0.0:
             mend = f"shows no noise and would have infinite weight; give it, e.g. --sigma {name}=1e-6, or leave it out"
             raise InputError(file, text, None, mend)
@@ -84,15 +85,21 @@ def read_measurements(run: Pipeline, table: MeasuredTable, sigmas: Mapping[str, 
     return Measurements(times, tuple(channels), tuple(results))
 
 
-def estimate_noise(values: Array) -> float:
-    """Estimate the standard deviation of white noise on a smooth history by its differences of fourth order.
+def estimate_noise(times: Array, values: Array) -> float:
+    """Estimate the standard deviation of white noise on a smooth history, (n,), by its divided differences of order 4.
 
-    Those of a polynomial of third degree are 0, those of noise have the variance of the binomial coefficients' squares.
+    Those of a polynomial of third degree are 0, those of noise have the variance of the squares of their weights. Of
+    differences over longer times than usual, as beside gaps, a history isn't smooth: they are left out.
     """
     if len(values) <= NOISE_ORDER:
         return 0.0
-    gain = sum(math.comb(NOISE_ORDER, k) ** 2 for k in range(NOISE_ORDER + 1))
-    return float(np.sqrt(np.mean(np.diff(values, NOISE_ORDER) ** 2) / gain))
+    t, y = (sliding_window_view(x, NOISE_ORDER + 1) for x in (times, values))
+    spans = t[:, -1] - t[:, 0]
+    usual = spans <= WHOLE_WINDOW * np.median(spans)
+    t, y = (t - t[:, :1])[usual] / spans[usual, None], y[usual]
+    others = [[j for j in range(NOISE_ORDER + 1) if j != k] for k in range(NOISE_ORDER + 1)]
+    weights = np.array([1.0 / np.prod(t[:, [k]] - t[:, own], axis=1) for k, own in enumerate(others)]).T
+    return float(np.sqrt(np.mean((weights * y).sum(axis=1) ** 2 / (weights**2).sum(axis=1))))
 
 
 def noise_spread() -> float:

@@ -298,12 +298,15 @@ def _search(space: DesignSpace, limits: tuple[Limit, ...], sign: int, start: Arr
     )
     optimum = Optimum(space, limits, sign, np.clip(found.x, *bounds_of(space.varied).T))
     design = optimum.design
-    for limit, margin, value in zip(limits, margins(design, limits), design.results[1:], strict=True):
+    known = zip(limits, margins(design, limits), design.results[1:], design.channels[1:], strict=True)
+    for limit, margin, value, channel in known:
         if margin < -MET:
-            place = ", ".join(f"{parameter.key} = {x:.6g}" for parameter, x in design.values.items())
+            place = ", ".join(f"{each.key} = {x:.6g} {each.unit}".rstrip() for each, x in design.values.items())
+            unit = f" {channel.unit}".rstrip()
             raise NoDesignError(
-                f"no design was found with {limit.name} {limit.sense} {limit.bound:.6g}: the search ended at {place}, "
-                f"where it is {value:.6g}; widen the bounds, ask for less, or start from numbers with which it is met"
+                f"no design was found with {limit.name} {limit.sense} {limit.bound:.6g}{unit}: the search ended at "
+                f"{place}, where it is {value:.6g}{unit}; widen the bounds, ask for less, or start from numbers with "
+                "which it is met"
             )
     return optimum
 

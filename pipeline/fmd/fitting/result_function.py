@@ -5,7 +5,7 @@ Weighted sums of histories have theirs by many numbers at once, by the adjoint o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -15,7 +15,6 @@ from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array, IntArray, require_finite, require_shape
 from fmd.core.limits.fitting import FEWEST_BY_ADJOINT, LEAST_READ_DIFFERENCE, READ_DIFFERENCE
 from fmd.dynamics.compiled_system.closed_tangents import LinearisedAnewError
-from fmd.dynamics.compiled_system.tangents import Direction
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.fitting.sensitivities import change_of
@@ -197,12 +196,22 @@ def find_gradient(
     Weights (n_channels · n_times,) are of the histories' values, one after the other, of which nothing `lacks_adjoint`.
     Numbers that turn a body's shapes into others are left out.
     """
-    total, served = HistorySum(frozen, motion, channels, weights.reshape(len(channels), -1)), {}
-    for each in parameters:
-        direction = frozen.direction(motion, each)
-        if direction is not None:
-            served[each] = direction, total.by_number(each)
-    return _add_up(frozen, motion, total, served) if served else {}
+    total, plan = HistorySum(frozen, motion, channels, weights.reshape(len(channels), -1)), motion.plan
+    pairs = ((each, frozen.direction(motion, each)) for each in parameters)
+    found = {each: (direction, total.by_number(each)) for each, direction in pairs if direction is not None}
+    if not found or plan is None:
+        return {}
+    (system, q0, v0), part = plan.marched, plan.excited
+    positions, rates = (np.arange(each.size) for each in plan.start)
+    if part is not None and plan.excited_system is not None:
+        positions, rates = positions[part.positions], rates[part.rates]
+    by_q, by_v = total.by_motion("q", positions), total.by_motion("v", rates)
+    directions = [direction for direction, _ in found.values()]
+    along = pull_back(plan.integrator, system, q0, v0, frozen.times, by_q, by_v, directions)
+    frozen.marches += 1
+    sizes = [abs(motion.values.get(key, key.value)) for key in found]
+    changes = (x + own for x, (_, own) in zip(along, found.values(), strict=True))
+    return {key: float(change) / size for key, change, size in zip(found, changes, sizes, strict=True)}
 
 
 def lacks_adjoint(
@@ -223,21 +232,3 @@ def lacks_adjoint(
         return "results that are no histories"
     own = HistorySum(frozen, motion, channels, np.zeros((len(channels), len(frozen.times))))
     return "" if own.is_of_each_time() else "results that depend on several times at once"
-
-
-def _add_up(
-    frozen: FrozenRun, motion: FrozenMotion, total: HistorySum, found: Mapping[Parameter, tuple[Direction, float]]
-) -> dict[Parameter, float]:
-    plan = motion.plan
-    assert plan is not None
-    (system, q0, v0), part = plan.marched, plan.excited
-    positions, rates = (np.arange(each.size) for each in plan.start)
-    if part is not None and plan.excited_system is not None:
-        positions, rates = positions[part.positions], rates[part.rates]
-    by_q, by_v = total.by_motion("q", positions), total.by_motion("v", rates)
-    directions = [direction for direction, _ in found.values()]
-    along = pull_back(plan.integrator, system, q0, v0, frozen.times, by_q, by_v, directions)
-    frozen.marches += 1
-    sizes = [abs(motion.values.get(key, key.value)) for key in found]
-    changes = (x + own for x, (_, own) in zip(along, found.values(), strict=True))
-    return {key: float(change) / size for key, change, size in zip(found, changes, sizes, strict=True)}

@@ -178,16 +178,11 @@ def _differentiate(
                     error = error + np.abs(slope - widest).max()
             if channel.moves:
                 error = error + unknown * np.abs(slope).max()
-            if unstated := _find_unstated(channel, parameter):
+            by_stress, by_script = channel.unit == "Pa" or channel.shortest, ".mesh.parameter." in parameter.key
+            if unstated := UNSTATED if by_stress and by_script else "":
                 error = np.full(slope.shape, np.nan)
             jumps = _jumps(channel, near.low, near.high, share=near.step / abs(parameter.value))
             yield Sensitivity(channel, parameter, value, slope, error, jumps, near.by_tangents, near.lacking, unstated)
-
-
-def _find_unstated(channel: ResultChannel, parameter: Parameter) -> str:
-    """Return why no error of a derivative is stated, or nothing."""
-    by_stress = channel.unit == "Pa" or channel.shortest is not None
-    return UNSTATED if by_stress and ".mesh.parameter." in parameter.key else ""
 
 
 def _extrapolate(pairs: Sequence[Beside], changes: Sequence[Array]) -> tuple[Array, Array]:
