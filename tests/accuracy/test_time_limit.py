@@ -47,7 +47,7 @@ def test_what_would_take_longer_than_is_left_is_refused() -> None:
 def test_a_march_that_will_not_end_in_time_is_stopped_by_its_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     monkeypatch.setattr(time_limit, "read_clocks", lambda: (now[0], now[0]))
-    limit = TimeLimit(10.0)
+    limit = TimeLimit(10.0, started=(0.0, 0.0))
     advance = limit.watch()
     now[0] = 1.0
     advance(1e-5)  # it was compiled
@@ -65,7 +65,7 @@ def test_seconds_in_which_others_use_the_machine_do_not_count(monkeypatch: pytes
     """As little do those of several threads that work at once."""
     clocks = [0.0, 0.0]
     monkeypatch.setattr(time_limit, "read_clocks", lambda: tuple(clocks))
-    limit = TimeLimit(10.0)
+    limit = TimeLimit(10.0, started=(0.0, 0.0))
     for clocks[0], clocks[1] in ((60.0, 2.0), (2.0, 60.0)):
         limit.require(7.0)
     clocks[:] = 20.0, 11.0
@@ -246,7 +246,7 @@ def test_the_time_limit_ends_a_search_for_a_periodic_start(monkeypatch: pytest.M
     run = Pipeline(load_scene("slider-crank", CRANK), Cache(None))
     ticks = count()
     monkeypatch.setattr(time_limit, "read_clocks", lambda: (float(next(ticks)), math.inf))
-    limit = TimeLimit(3.0)
+    limit = TimeLimit(3.0, started=(0.0, 0.0))
     with interrupted_by(partial(limit.require, 0.0)), pytest.raises(LeftOutError):
         _ = run.periodic
     assert next(ticks) < 10

@@ -26,10 +26,6 @@ def read_clocks() -> tuple[float, float]:
     return time.perf_counter(), time.process_time() + sum(os.times()[2:4])
 
 
-def _start() -> tuple[float, float]:
-    return read_clocks()
-
-
 class LeftOutError(Exception):
     """An estimate would take more time than is left."""
 
@@ -39,7 +35,7 @@ class TimeLimit:
     """Clock of an error budget, which knows how much time is left."""
 
     seconds: float = math.inf  # time for all estimates together [s]; infinite by default
-    started: tuple[float, float] = field(default_factory=_start)  # when the clocks were started [s]
+    started: tuple[float, float] = field(default_factory=read_clocks)  # when the clocks were started [s]
 
     @property
     def spent(self) -> float:
