@@ -52,9 +52,7 @@ class ContactTable(Table):
     wear: Array  # (n_surfaces,): depth by pressure and slip [1/Pa]
     edges: Array  # (n_surfaces, 17): the same of the points' own box, if its edges touch; 0 else
     primitive: Array  # (n_surfaces, 17): kind, place, axes, half extents and radius of a rigid body's surface
-    rounded: (
-        IntArray  # (n_surfaces,): 1 if its points are centres of balls or of pieces of pins, with laws of their own
-    )
+    rounded: IntArray  # (n_surfaces,): 1 if its points are centres of balls or pieces of pins, with laws of their own
     law: Array  # (n_surfaces, most rows, 7): their force over depth, as `fmd.contact.round_laws` has it
     ends: Array  # (n_surfaces,): depth up to which it is known [m]
     loss: Array  # (n_surfaces,): share of the force at the speed of the approach
@@ -226,17 +224,18 @@ class ContactTable(Table):
     @property
     def _remembered(self) -> tuple[Array | IntArray, ...]:
         last = self.known, self.tip, self.before, self.slid, self.moved_then, self.elastic_then, self.viscous_then
-        of_round = (
-            self.dent_then,
-            self.drag_then,
-            self.tangent_then,
-            self.touched_then,
-            self.gap_then,
-            self.speed_then,
+        of_round = self.dent_then, self.drag_then, self.tangent_then, self.touched_then, self.gap_then, self.speed_then
+        return (
+            *last,
+            *of_round,
             self.soft_then,
             self.frame_then,
+            self.sums,
+            self.worn,
+            self.clock,
+            self.height,
+            self.seen,
         )
-        return *last, *of_round, self.sums, self.worn, self.clock, self.height, self.seen
 
     @property
     def _ends(self) -> IntArray:
