@@ -40,6 +40,7 @@ duration = "1 us"
 output_step = "1 us"
 tip = "bar.tip"
 start = "equilibrium"
+stiffening = "off"
 gravity = ["0 m/s^2", "-{GRAVITY} m/s^2", "0 m/s^2"]
 run = [{{ integrator = "auto" }}]
 """

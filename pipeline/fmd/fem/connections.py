@@ -117,6 +117,11 @@ class Connections:
         }
         return replace(self, **kinds)
 
+    def named(self, names: Mapping[str, int]) -> Connections:
+        """Return the connections with those names whose points are connected."""
+        used = set(self.points.tolist())
+        return replace(self, names={name: point for name, point in names.items() if point in used})
+
     def count(self) -> dict[str, int]:
         """Count the connections by the first word of their labels."""
         found: dict[str, int] = {}

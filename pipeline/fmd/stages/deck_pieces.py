@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -58,6 +57,4 @@ def connections_on(deck: Connections, nodes: IntArray, n_nodes: int, offset: Arr
     """
     beyond = deck.points[deck.points >= n_nodes]
     number = {int(node): k for k, node in enumerate(nodes)} | {int(p): len(nodes) + k for k, p in enumerate(beyond)}
-    used = set(deck.points.tolist())
-    names = {name: point for name, point in deck.names.items() if point in used}
-    return replace(deck, names=names).numbered(number, deck.places[beyond - n_nodes] - offset)
+    return deck.named(deck.names).numbered(number, deck.places[beyond - n_nodes] - offset)

@@ -64,7 +64,7 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
         for k, (group, mine) in enumerate(group_connections(deck, space) if deck else ()):
             name = deck_name(k, group.all[0].label)
             hung[name], markers[name] = group, mine
-            linked |= {at: mine for at, point in group.names.items() if point in group.points}
+            linked |= dict.fromkeys(group.named(group.names).names, mine)
     markers |= {name: np.unique(space.boundary_facets[0][facets]) for name, facets in faces.items()}
     for name, at in part.shape.marker.items():
         if name not in faces:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -172,13 +172,9 @@ class Deck:
         meshed = np.unique(np.concatenate([none, *(cells.ravel() for _, cells in raw.blocks)]))
         turning = np.concatenate([none, *(cells.ravel() for kind, cells in raw.blocks if not is_solid(kind))])
         points = DeckPoints(place, raw.points, meshed, turning, nodes, cell_nodes, surface, elements)
-        found = self.links.connections(points)
-        used = set(found.points.tolist())
-        names = {str(number): point for number, point in place.items() if point in used}
-        for name, own in raw.point_sets.items():
-            if len(own) == 1 and int(own[0]) in used:
-                names[name] = int(own[0])
-        raw.connections = replace(found, names=names)
+        names = {str(number): point for number, point in place.items()}
+        names |= {name: int(own[0]) for name, own in raw.point_sets.items() if len(own) == 1}
+        raw.connections = self.links.connections(points).named(names)
 
     def _members(
         self, name: str, sets: dict[str, list[Item]], known: dict[int, Any], above: tuple[str, ...] = ()

@@ -118,11 +118,8 @@ class AnsysLinks:
             pair = (b, a) if a in of_cells and b not in of_cells else (a, b)
             rigid.append(RigidConnection(label, np.array(pair)))
         names = {str(number): point for number, point in self._place.items()}
-        found = Connections(tuple(rigid), (), tuple(kept), tuple(self._springs), tuple(self._masses))
-        used = set(found.points.tolist())
-        named = {name: int(own[0]) for name, own in raw.point_sets.items() if len(own) == 1}
-        names = {name: point for name, point in {**names, **named}.items() if point in used}
-        return Connections(found.rigid, (), found.equations, found.springs, found.masses, names=names)
+        names |= {name: int(own[0]) for name, own in raw.point_sets.items() if len(own) == 1}
+        return Connections(tuple(rigid), (), tuple(kept), tuple(self._springs), tuple(self._masses)).named(names)
 
     def _terms(self, label: str, items: list[str]) -> list[_Term]:
         terms = []
