@@ -9,6 +9,7 @@ import pytest
 import fmd
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
+from fmd.fem.formats.abaqus import read_abaqus
 
 TIE = """*SURFACE, NAME=LOW
 LOWER, S2
@@ -114,7 +115,9 @@ def test_edges_of_shells_are_tied_by_a_deck_and_by_the_scene(
     monkeypatch.chdir(tmp_path)
     wanted = frequencies(tmp_path, sheets(apart=False), shell="deck")
     surfaces = f"*SURFACE, NAME=ONE\n{edges}\n*SURFACE, NAME=OTHER, TYPE=ELEMENT\nLEFT, SPOS\n"
-    by_deck = frequencies(tmp_path, sheets(apart=True) + surfaces + "*TIE, NAME=T\nONE, OTHER\n", shell="deck")
+    of_its_name = sheets(apart=True) + "*NSET, NSET=ONE\n1\n" + surfaces
+    assert read_abaqus(of_its_name).point_sets["ONE"].tolist() == [0]
+    by_deck = frequencies(tmp_path, of_its_name + "*TIE, NAME=T\nONE, OTHER\n", shell="deck")
     by_scene = frequencies(tmp_path, sheets(apart=True), shell="deck", tie=[{"face": "seam", "onto": "rim"}])
     assert by_deck == pytest.approx(wanted, rel=1e-9)
     assert by_scene == pytest.approx(wanted, rel=1e-9)

@@ -45,12 +45,6 @@ class ShellNodes:
     member: Member
 
     @cached_property
-    def T(self) -> sp.csr_array:
-        """How all points and nodes move by the model's unknowns, shape (3 n_points, n_unknowns)."""
-        assert self.fe.T is not None
-        return self.fe.T
-
-    @cached_property
     def directors(self) -> Arms:
         """The points at both faces, which turn with the nodes."""
         assert self.fe.directors is not None
@@ -127,7 +121,7 @@ def follow_edge(sheet: ShellNodes, given: TiedFaces) -> tuple[IntArray, IntArray
     D3, dual3 = (sp.csr_array(sp.kron(each, sp.eye_array(3))) for each in (D, dual))
     own_rise = _own_rise(sheet, at, sides, owner, nodes)
     lifted = sp.csr_array(dual3 @ (rise - own_rise @ D3))
-    U, turn = sheet.T[sheet.rows(onto)], node_turns(sheet.T, sheet.directors, sheet.member, onto)
+    U, turn = sheet.fe.point_map[sheet.rows(onto)], node_turns(sheet.fe.point_map, sheet.directors, sheet.member, onto)
     motions = sp.csr_array(sp.vstack([D3 @ U + lifted @ turn, D3 @ turn]))
     unknowns, by_motion = _unknowns_of(sheet, nodes, given.label)
     weights = sp.csr_array(by_motion @ motions)
@@ -316,14 +310,14 @@ def _unknowns_of(sheet: ShellNodes, nodes: IntArray, label: str) -> tuple[IntArr
     for k, node in enumerate(nodes):
         points = np.flatnonzero(space.mesh.midsurface.owner == node)
         both = np.append(3 * (sheet.member.first + points)[:, None] + np.arange(3), sheet.rows(nodes[k : k + 1]))
-        moved = sheet.T[both]
+        moved = sheet.fe.point_map[both]
         own = np.unique(moved.indices)
         x = np.concatenate([space.x[points], sheet.x[[node]]]) - sheet.x[node]
         blocks.append(np.linalg.pinv(moved[:, own].toarray(), rcond=ON_A_LINE) @ rigid_motions(x).reshape(-1, 6))
         columns.append(np.concatenate([3 * k + np.arange(3), 3 * (n + k) + np.arange(3)]))
         unknowns.append(own)
     found = np.concatenate(unknowns)
-    before = sp.csc_array(sheet.T[: 3 * sheet.member.first])[:, found]  # solids, which lead shells
+    before = sp.csc_array(sheet.fe.point_map[: 3 * sheet.member.first])[:, found]  # solids, which lead shells
     if before.nnz or len(np.unique(found)) < len(found) or len(found) > 6 * n:
         raise ValueError(moved_already(label))
     order = np.concatenate(columns)

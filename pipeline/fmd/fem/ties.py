@@ -63,12 +63,12 @@ def tie_faces(fe: FEModel, member: Member, given: TiedFaces) -> Tie:
     owner = midsurface.owner[points]
     if len(np.unique(owner)) < len(owner):
         raise ValueError(f"{given.label}: both sides of its first face lie against the second; name a face for each")
-    unknowns = sheet.T[sheet.rows(owner)].indices
+    unknowns = fe.point_map[sheet.rows(owner)].indices
     if len(unknowns) > 3 * len(owner):
         raise ValueError(moved_already(given.label))
-    moved = sheet.T[rows_of(member.first + points)]
+    moved = fe.point_map[rows_of(member.first + points)]
     own = sp.csr_array((np.ones(len(unknowns)), (np.arange(len(unknowns)), unknowns)), shape=moved.shape)
-    follows = sp.csr_array(weights @ sheet.T[rows_of(member.first + others)] - (moved - own))
+    follows = sp.csr_array(weights @ fe.point_map[rows_of(member.first + others)] - (moved - own))
     known = np.unique(follows.indices)
     return Tie(given.label, unknowns, known, sp.csr_array(follows[:, known]))
 

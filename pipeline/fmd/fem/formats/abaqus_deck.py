@@ -41,6 +41,7 @@ class Deck:
         self.element_sets: dict[str, list[Item]] = defaultdict(list)
         self.surfaces: dict[str, list[tuple[str, str]]] = defaultdict(list)
         self.mixed: set[str] = set()  # surfaces of faces and of edges of shells
+        self.edges: dict[str, IntArray] = {}  # points of surfaces of edges, whose names node sets may have, too
         self.others: dict[str, int] = defaultdict(int)
         self.links = AbaqusLinks()
         self.shells: dict[str, ShellSection] = {}
@@ -101,7 +102,8 @@ class Deck:
                 self.mixed.add(name)
                 raw.notes.append(f"surface {name} has faces and edges of shells: it is its faces")
             elif edges:
-                point_sets[name] = np.unique(np.concatenate(edges))
+                self.edges[name] = np.unique(np.concatenate(edges))
+                point_sets.setdefault(name, self.edges[name])
         if self.shells:
             nodal, faults = np.full(len(place), np.nan), list(self.thickness_faults)
             for of, thickness in self.nodal_thickness:
@@ -163,7 +165,7 @@ class Deck:
                 raise MeshFileError(f"a link names the surface {name}, which has faces and edges of shells; split it")
             if not facets and found not in raw.point_sets:
                 raise MeshFileError(f"a link names the surface {name}, which has no facets of solids or shells")
-            return facets, nodes_of_facets(raw, facets) if facets else raw.point_sets[found]
+            return facets, nodes_of_facets(raw, facets) if facets else self.edges.get(found, raw.point_sets[found])
 
         def elements(name: str, numbers: Mapping[int, object]) -> list[int]:
             return sorted(self._members(known(name, element_sets, "element set"), element_sets, dict(numbers)))
