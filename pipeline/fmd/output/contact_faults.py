@@ -97,9 +97,10 @@ def start_faults(run: Pipeline) -> Iterator[str]:
     if run.scene.simulation.start == "equilibrium" or v.any():
         return
     pushed = bool(system.compiled.residual(0.0, q, v, v).any())
+    soon = 2.0 * max(motion.trajectory.step, system.shock_step) if pushed else 0.0
     for name, own in motion.contacts.items():
         begin, _ = own.span
-        if begin is not None and begin <= (2.0 * motion.trajectory.step if pushed else 0.0):
+        if begin is not None and begin <= soon:
             yield (
                 f"contact.{name}: presses from the start, undeformed under its loads, and rings about their balance; "
                 "simulation.start = 'equilibrium' begins there, if bodies can rest"
