@@ -88,8 +88,8 @@ def test_each_figure_that_has_no_stated_error_says_why(dropped: Pipeline, monkey
 
 def test_charts_have_the_largest_force_pressure_and_area_of_all_steps_between_output_times(dropped: Pipeline) -> None:
     """Against the same march with an output time near each step."""
-    plan, floor = next(iter(dropped.plans.values())), dropped.motion.contacts["floor"]
-    times = dropped.motion.times
+    floor, times = dropped.motion.contacts["floor"], dropped.motion.times
+    plan = next(iter(dropped.plans.values()))  # with the step of the motion, which is found with it
     finer = np.unique(np.concatenate([times, np.arange(0.0, times[-1], plan.integrator.step)]))
     fine = dropped.motion_by(plan, plan.march(finer)).contacts["floor"]
     at = np.searchsorted(finer, times)
@@ -102,7 +102,8 @@ def test_charts_have_the_largest_force_pressure_and_area_of_all_steps_between_ou
         assert components == ("floor",)
         drawn = next(iter(curves.values()))[:, 0]
         exact = [values[first : last + 1].max() for first, last in zip(np.append(0, at[:-1] + 1), at, strict=True)]
-        np.testing.assert_allclose(drawn, exact, rtol=1e-9, atol=1e-9 * max(exact))
+        # Forces at output times start the solver of the next step elsewhere: round-off grows with each shock.
+        np.testing.assert_allclose(drawn, exact, rtol=1e-7, atol=1e-9 * max(exact))
         assert (drawn > 1.05 * now).any()  # what stands at output times misses peaks
     with pytest.raises(InputError, match="needs a contact; this scene has none"):
         block(contact={}, output=[{"type": "chart", "file": "chart.png", "quantity": "contact_area"}])
