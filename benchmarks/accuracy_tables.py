@@ -1,7 +1,5 @@
 """Tables of errors: of meshes, stability, sources of error, ``auto`` and random scenes."""
 
-from __future__ import annotations
-
 from statistics import median
 from types import SimpleNamespace
 

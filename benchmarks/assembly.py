@@ -8,8 +8,6 @@ package numbers its unknowns, and for scikit-fem of all entries. Memory is the p
 With ``--elements tet4 --packages DOLFINx`` only these rows are made anew, and ours beside them.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

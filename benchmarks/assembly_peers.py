@@ -5,8 +5,6 @@ K and M, and the energies uᵀKu, uᵀMu of a displacement. Nothing of the proje
 so that they can run in an interpreter of their own. Linux only, for the sake of memory.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import time

@@ -10,8 +10,6 @@ Runge–Kutta method with a tolerance of 1e-10, or where that takes too long by 
 error.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

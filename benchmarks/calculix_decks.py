@@ -6,8 +6,6 @@ sets, links, masses and supports stay; material and step are the same for all: s
 frequencies. Both programs get this deck, with elements that both have: C3D20 for C3D20R, C3D8I for C3D8 and C3D8R.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 import subprocess

@@ -4,8 +4,6 @@ Run from the project's root: ``python benchmarks/calibration.py``; seeds that th
 Histories of the scene with other numbers have 5 % noise; each fit starts from the scene's own numbers.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 

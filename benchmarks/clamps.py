@@ -6,8 +6,6 @@ are taken out of its stiffness and mass. Bodies reach 1 m from the face on; ``ex
 the face from its middle over that of the body, by which the default is chosen.
 """
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

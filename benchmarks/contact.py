@@ -7,8 +7,6 @@ the model of `contact_reference`, whichever is larger. Energy with what friction
 largest kinetic energy at most, since bodies meet with no more. Rows that the table holds aren't made again.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import time

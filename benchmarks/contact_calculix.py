@@ -8,8 +8,6 @@ contact of nodes on surfaces, with a spring of 10⁷ N/mm³ for a hard one, and 
 as drawn, from which the other doesn't converge.
 """
 
-from __future__ import annotations
-
 import subprocess
 import tempfile
 from collections.abc import Callable

@@ -12,8 +12,6 @@ folder NLSTEP, a copy of its repository, GNU Octave runs NLstep's own integrator
 models of these matrices.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

@@ -7,8 +7,6 @@ springs that are linear in the depth, as stiff as gives Hertz's contact time. St
 time; times are minima of marches alone, in one process.
 """
 
-from __future__ import annotations
-
 import csv
 import time
 from collections.abc import Callable

@@ -5,8 +5,6 @@ spring, which keeps its force as it gets stiffer; steps of semi-implicit Euler. 
 twice the step changes, and the place within the depth where both spheres are pressed flat.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 from typing import Any

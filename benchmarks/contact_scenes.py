@@ -1,7 +1,5 @@
 """Random scenes whose bodies touch: flexible bars and rigid balls, boxes and pins, each about to strike."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

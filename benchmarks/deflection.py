@@ -6,8 +6,6 @@ mode, against Exudyn's geometrically exact cable element (``pip install exudyn==
 they are in the table). Run from the project's root: ``python benchmarks/deflection.py``.
 """
 
-from __future__ import annotations
-
 import contextlib
 import sys
 import tempfile

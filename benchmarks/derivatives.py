@@ -6,8 +6,6 @@ timed by turns; the least of each counts. Whole gradients of a chain of 17 links
 are timed by the adjoint and by tangents.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ has its frequency solved, and where that is high enough its motion, until the fi
 ones are not, so that it is the grid's best.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ it renews their rows alone. Each runs in a process of its own; seconds are of th
 minutes of it, or more memory than there is, has its row say so.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import resource

@@ -5,8 +5,6 @@ and writes it beside itself. CalculiX (``apt-get install calculix-ccx``) gets th
 without it its columns are empty. Processor seconds on one thread.
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

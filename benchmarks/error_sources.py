@@ -5,8 +5,6 @@ or a time integration that is refined. The error of stress recovery is part of w
 are stated together. Run from the project's root: ``python benchmarks/error_sources.py``.
 """
 
-from __future__ import annotations
-
 import math
 import tempfile
 from collections.abc import Iterator

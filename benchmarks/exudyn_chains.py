@@ -13,8 +13,6 @@ that moves the arm's tip by 4e-7 of its way. The robot stays 1.3e-5 from ours, b
 a torque acts on the modes as if the section's own axes were the frame's.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path

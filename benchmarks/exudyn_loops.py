@@ -15,8 +15,6 @@ the largest value. Exudyn's solvers have Newton's tolerance 1e-8, one thread, no
 five.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 It needs ``pip install exudyn==1.13.6``. ρ∞ is 0.95; seconds are those of Exudyn's own timer around the solver.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import sys

@@ -15,8 +15,6 @@ very large mass on the frame's own node holds it for them, and changes the motio
 are those of Exudyn's own timer around the solver.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

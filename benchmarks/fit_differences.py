@@ -4,8 +4,6 @@ Run from the project's root: ``python benchmarks/fit_differences.py``. Eight tan
 those of the processor after a first fit that compiles.
 """
 
-from __future__ import annotations
-
 import csv
 import time
 from collections.abc import Sequence

@@ -8,8 +8,6 @@ that of one long step beside the machine code's by the same method, side by side
 also built by each compiler that is here, and run. Needs FMPy, ziglang and gcc.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 import shutil

@@ -5,8 +5,6 @@ undisturbed but by their own mesh, with backlash. Speeds are by the mesh's frequ
 ``√(c (r_b1²/J1 + r_b2²/J2))`` with the mean stiffness c of the static mesh.
 """
 
-from __future__ import annotations
-
 import sys
 from math import pi, sqrt
 from pathlib import Path

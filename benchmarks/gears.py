@@ -5,8 +5,6 @@ its wheel, and two of its pinions. Stiffness is over the width; that of one pair
 discs between bore and root circle, which ISO's pair of teeth doesn't have.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from math import acos, cos, degrees, pi, sin, sqrt, tan

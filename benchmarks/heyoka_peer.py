@@ -6,8 +6,6 @@ it gets as expressions. They are our own: the graph of a mechanism's acceleratio
 Compact mode is on, without which large mechanisms compile for minutes; seconds are of the march alone.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise

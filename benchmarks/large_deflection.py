@@ -4,8 +4,6 @@ Run from the project's root: ``python benchmarks/large_deflection.py``. CalculiX
 Writes ``large_deflection.csv``: case, pieces, stiffening, coordinates, seconds of a warm statics, error [%], note.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -12,8 +12,6 @@ of multiplications and additions that this reaches stands beside that of a dense
 is measured apart: all that `Pipeline.motions` traces and compiles for the ready scenes where nothing is kept.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import json

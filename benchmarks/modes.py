@@ -3,8 +3,6 @@
 Run from the project's root: ``python benchmarks/modes.py``. Writes ``modes.csv`` and a chart of each scene.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -5,8 +5,6 @@ decks, those of its source tree and of its repository MYSTRAN_Benchmark. Bulk da
 reduction and parameters; all materials are one, in SI units. Both programs get this deck.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 import subprocess

@@ -14,8 +14,6 @@ as wanted; the fastest setting of each then takes turns with ours.
   `fmd.sweep.work.compute_points`; Exudyn's ``ParameterVariation`` over a function that builds and marches a mechanism.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import time

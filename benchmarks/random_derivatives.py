@@ -9,8 +9,6 @@ give two extrapolations of order 6; what these differ by is the reference's nois
 follow of values nearer to each other: over a per mille fast vibrations come out of phase.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import resource

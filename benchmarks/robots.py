@@ -7,8 +7,6 @@ dampers, friction, couplers and motors' rotors are left out of it and of the pee
 an acceleration at random positions within the stops and random rates, over the largest acceleration there.
 """
 
-from __future__ import annotations
-
 import sys
 import tomllib
 from collections.abc import Callable, Sequence

@@ -5,8 +5,6 @@ incompatible modes and of twenty nodes with reduced integration; their meshes ha
 of S8R between the corners lie on the surface.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

@@ -4,8 +4,6 @@ Run from the project's root: ``python benchmarks/stability.py [INTEGRATOR …]``
 spinning bodies, and systems hard on purpose. Rows go to ``stability.csv``; those of other integrators stay.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Collection, Iterator
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """Mechanisms about a state, whose marches `stability.py` compares with what tangents predict."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -6,8 +6,6 @@ time of each and, as spread, how far its median is above that. Errors are the la
 times, relative to the largest value of their kind, against the Runge–Kutta method at a tolerance of 1e-12.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

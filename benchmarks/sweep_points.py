@@ -6,8 +6,6 @@ summary, with the first run, and with one result by its name. The three are meas
 time of its repetitions. Points that were computed before aren't kept.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Rows of the CSV files of this folder, and how tables show them."""
 
-from __future__ import annotations
-
 import csv
 import platform
 from collections.abc import Iterable, Mapping

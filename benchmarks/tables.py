@@ -4,8 +4,6 @@ Run from the project's root after a benchmark: ``python benchmarks/tables.py``. 
 lines ``<!-- table: NAME -->`` and ``<!-- end -->``, NAME being one of `TABLES`.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Callable

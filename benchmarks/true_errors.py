@@ -1,7 +1,5 @@
 """Errors of a run's results against those of a much finer run of the same scene, for tables and tests."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd import Pipeline

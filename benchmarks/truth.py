@@ -13,8 +13,6 @@ decides, a quantity isn't judged. Where the reference is a finer run, it has the
 stated is left out then, and joints and markers are compared, too. A scene's row has the quantity that is worst.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import math

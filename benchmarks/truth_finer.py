@@ -1,7 +1,5 @@
 """References of random scenes by a much finer run of the same scene, marched by another tolerance or method."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from truth_parts import Table

@@ -1,7 +1,5 @@
 """What random scenes are made of: quantities, bars, loads and motions over time, the simulation."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import pi, sqrt
 from typing import Any

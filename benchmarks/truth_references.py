@@ -6,8 +6,6 @@ kinetic energy, gravity and loads are exact for any rotation, and no floating fr
 Shear and stretch are left out, which is an error of the order of the depth's square over the length's.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

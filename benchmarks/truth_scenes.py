@@ -8,8 +8,6 @@ space, some of them bars, on joints of every type. *Rigid* scenes are trees with
 geometrically exact beams are a reference of both, and of trees.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import pi, sqrt
 from typing import Any

@@ -1,7 +1,5 @@
 """References of trees in space by exact beams: a scene as nodes, elements and joints, and its quantities."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import Any

@@ -7,8 +7,6 @@ knows of rigid motions. Masses are lumped, joints are equations with multipliers
 step, so that two meshes are extrapolated. Nothing is shared with the product.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

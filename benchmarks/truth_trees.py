@@ -1,7 +1,5 @@
 """Random trees of rigid bodies and bars in space, on joints of every type."""
 
-from __future__ import annotations
-
 from math import pi
 from typing import Any
 

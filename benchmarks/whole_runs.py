@@ -3,8 +3,6 @@
 Run from the project's root: ``python benchmarks/whole_runs.py``. Writes ``pipeline.csv``.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

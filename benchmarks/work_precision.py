@@ -4,8 +4,6 @@ Run from the project's root: ``python benchmarks/work_precision.py``, with the e
 of each. It is `fmd bench --peer`, also for a beam of more modes and for a spatial robot.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

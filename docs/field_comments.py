@@ -1,7 +1,5 @@
 """Fields of data classes in the site's API pages: the comment beside a field, or above it, is its text there."""
 
-from __future__ import annotations
-
 import ast
 from typing import Any
 

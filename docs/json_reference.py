@@ -1,7 +1,5 @@
 """Write the page about ``--json``: ``python -m docs.json_reference > docs/json.md``."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """Linear systems ``M q̈ + C q̇ + K q = 0`` in the form that integrators take, to measure their stability on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

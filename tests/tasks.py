@@ -1,7 +1,5 @@
 """What a pipeline tells its monitor, for tests of what was begun and what wasn't."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

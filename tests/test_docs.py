@@ -1,7 +1,5 @@
 """README and pages agree with code and measurements: tables, commands, names of files."""
 
-from __future__ import annotations
-
 import ast
 import re
 import runpy

@@ -1,7 +1,5 @@
 """Writer of the page about the scene file: keys, values, defaults and meanings, table by table."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from textwrap import fill
 from typing import Any

@@ -1,7 +1,5 @@
 """Sections of the page about the scene file in their order, and the texts between its tables."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from fmd.scene.bar import Bar, BarMesh

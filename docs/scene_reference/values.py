@@ -1,7 +1,5 @@
 """Words for the values that a key of a scene file takes, read off the key's annotated type."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from types import NoneType, UnionType

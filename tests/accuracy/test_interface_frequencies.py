@@ -1,7 +1,5 @@
 """Frequencies of bases with few fixed-interface modes, held against a free beam in closed form."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

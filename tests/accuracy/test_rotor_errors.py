@@ -1,7 +1,5 @@
 """Stated errors of a rotor's frequencies and orbits, held against a finer mesh with more modes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

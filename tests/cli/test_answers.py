@@ -1,7 +1,5 @@
 """Schemas of what commands print with ``--json``; the fixture ``fmd`` holds every answer of the tests against them."""
 
-from __future__ import annotations
-
 import json
 
 import jsonschema

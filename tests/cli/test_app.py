@@ -1,7 +1,5 @@
 """The command line as a whole: names of commands, exit status, one message."""
 
-from __future__ import annotations
-
 from importlib import import_module
 
 import pytest

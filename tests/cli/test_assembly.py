@@ -1,7 +1,5 @@
 """Mechanisms from assemblies in CAD: parts with mass and inertia in closed form, joints by bores and pins."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise, permutations
 from pathlib import Path

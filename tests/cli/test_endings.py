@@ -1,7 +1,5 @@
 """How commands end when they are interrupted, when nobody reads on, and when numbers leave what can be computed."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

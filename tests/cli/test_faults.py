@@ -3,8 +3,6 @@
 A process with everything imported and compiled forks a child for each run, so that a hundred of them cost seconds.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """What a command doesn't need it doesn't load: each runs in a process of its own that lists its modules."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

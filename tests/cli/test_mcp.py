@@ -1,7 +1,5 @@
 """Tools of `fmd mcp` on twenty written tasks, against closed forms, and served by the official SDK if it is there."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 import subprocess

@@ -1,7 +1,5 @@
 """`fmd mesh`: its figures, and the files that it writes."""
 
-from __future__ import annotations
-
 import json
 import math
 

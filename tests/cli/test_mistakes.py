@@ -1,7 +1,5 @@
 """Mistakes as users make them: one message each, with file, line, key, value and what would work; exit status 2."""
 
-from __future__ import annotations
-
 from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """`fmd modes`: frequencies as JSON and as a table."""
 
-from __future__ import annotations
-
 import json
 from importlib.resources import files
 

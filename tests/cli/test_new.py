@@ -1,7 +1,5 @@
 """A scene to start from, and what the shell completes."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

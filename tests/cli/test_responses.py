@@ -1,7 +1,5 @@
 """``fmd frf`` and ``fmd linearise``, and frequency responses that a scene lists."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

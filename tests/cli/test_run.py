@@ -1,7 +1,5 @@
 """`fmd run`: its files and figures, the cache, and wrong input."""
 
-from __future__ import annotations
-
 import json
 import re
 

@@ -1,7 +1,5 @@
 """The tutorial does what it says: its files are written and its commands run as they stand there."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

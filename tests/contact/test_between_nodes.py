@@ -1,7 +1,5 @@
 """Rigid surfaces that go between the nodes of a face, which alone touch them: said with the depth, against geometry."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

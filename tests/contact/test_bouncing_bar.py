@@ -1,7 +1,5 @@
 """The bouncing bar against its exact solution by characteristics, and steps too long for it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Boxes on boxes: corners on faces both ways, and edges that cross, against closed forms and conservation laws."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

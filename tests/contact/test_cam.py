@@ -1,7 +1,5 @@
 """An eccentric cam under a flat follower on a spring: friction's work a turn, and the speed at which it jumps."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd import Pipeline, load_scene

@@ -1,7 +1,5 @@
 """A slider-crank and a four-bar with a pin in a wider bore for a joint, against SciPy; and with nearly no clearance."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from cmath import exp
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Contact of bodies in mechanisms: what joints bear, loops, and implicit steps."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

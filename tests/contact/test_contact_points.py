@@ -1,7 +1,5 @@
 """Points of faces and their residual flexibility, against dense algebra and the derivative of a potential."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

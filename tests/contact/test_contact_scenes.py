@@ -1,7 +1,5 @@
 """Scenes with contacts: what runs give, and what is refused with what works."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

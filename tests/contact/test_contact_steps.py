@@ -1,7 +1,5 @@
 """Steps of scenes with contacts: refused before contacts are found, and chosen by the modes for an implicit method."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Stress of bodies that touch: with what forces of contact deform beside the modes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A tube in a hub whose nodes face one another: at the tube's edges the normal is one, and pressures are Lamé's."""
 
-from __future__ import annotations
-
 import importlib
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Loads and force elements beside contacts: points of faces give way to them beyond the modes, as whole elements do."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Blocks that slide, stick and stop by friction, and one that rocks, against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

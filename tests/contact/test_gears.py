@@ -1,7 +1,5 @@
 """Spur gears: profiles that roll on one another, meshes, and their static mesh against ISO 6336 and symmetry."""
 
-from __future__ import annotations
-
 from functools import cache
 from math import cos, pi, sin, tan
 from pathlib import Path

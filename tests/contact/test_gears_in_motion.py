@@ -1,7 +1,5 @@
 """Gears whose teeth push one another in motion, against static mesh, quadrature, SciPy and symmetry."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

@@ -3,8 +3,6 @@
 They let hard corners strike by Newton's law, with Moreau's time-stepping, as is done here.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Grids on curved faces, whose near field is a half-space's, against Hertz, Cattaneo and Mindlin, and integrals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import nnls

@@ -1,7 +1,5 @@
 """Two bodies that touch: closed forms, momentum, energy, and forces against the derivative of a potential."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pressures between blocks at rest on meshes that match or not, and a stiff block in the place of a plane."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ Seeds are chosen: quick ones whose bodies touch, 36, whose step is halved as New
 slip in two marches agrees by chance. Pairs and loops are longer, of strikers most pass beside the nodes.
 """
 
-from __future__ import annotations
-
 import importlib
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Contacts of rigid bodies: against Hertz, Hunt & Crossley, Coulomb, conservation laws and an independent model."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sub-cycling of bodies that touch, against central differences with the fast step."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rigid bodies that touch with triangles of a file: flexibility against closed forms, shocks against Hertz."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

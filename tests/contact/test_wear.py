@@ -1,7 +1,5 @@
 """Wear by Archard's law: depth by pressure and slip, against closed forms and friction's work."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Mechanisms whose contacts have published or exact solutions: a bouncing bar, and a block with a soft foot."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.contact.touching_body import ContactPlane, ContactPoints, TouchingBody

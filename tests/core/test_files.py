@@ -1,7 +1,5 @@
 """Files that are written whole, and work that one process does at a time, also where processes die or locks fail."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

@@ -1,7 +1,5 @@
 """Numbers of Fortran's programs: those that Python writes, with the exponents that its own float doesn't read."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Numbers and tables as HTML: prefixes that fit, and text that can't break out of its cell."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 import pytest

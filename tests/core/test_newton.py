@@ -1,7 +1,5 @@
 """Newton's method on equations whose roots are known in closed form, and how it fails."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

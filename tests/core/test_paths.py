@@ -1,7 +1,5 @@
 """Folders of the cache and of kernels, and digests of the source that follow every change of it."""
 
-from __future__ import annotations
-
 import os
 import re
 import tempfile

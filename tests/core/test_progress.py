@@ -1,7 +1,5 @@
 """Progress of tasks: nothing where nobody looks, a bar that is gone in the end where somebody does."""
 
-from __future__ import annotations
-
 import io
 import re
 import sys

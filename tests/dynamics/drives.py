@@ -1,7 +1,5 @@
 """Loads that prescribed joints need: what free joints in their place lack for the prescribed motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

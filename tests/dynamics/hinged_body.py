@@ -1,7 +1,5 @@
 """One flexible body on a hinge as a system that integrators march, its energies and its angular momentum."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

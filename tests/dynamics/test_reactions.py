@@ -1,7 +1,5 @@
 """Reactions of all joints: by d'Alembert's principle on mass points, in loops, and by statics."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -5,8 +5,6 @@ Strain is Green's, ``E = ½ (H + Hᵀ + Hᵀ H)`` of the displacement gradient H
 stiffness.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any

@@ -1,7 +1,5 @@
 """Elastic forces by strain: those of the stiffness matrix, without its round-off."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pyramids: quadrature, neighbours, and boxes of them against closed forms and hexahedra."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import factorial
 

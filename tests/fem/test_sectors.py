@@ -1,7 +1,5 @@
 """Sectors of own meshes: repeated they are the whole body, whose modes are those of a mesh of the whole."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Adjoints of marches, and gradients of weighted histories, against tangents of the same steps."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Dimensions of parts with free meshes: laws of scale, closed forms, parts meshed anew, fits and designs."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

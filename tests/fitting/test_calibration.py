@@ -1,7 +1,5 @@
 """Intervals of fits hold the truth as often as they say: 200 noises on a vibration whose closed form is the model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Fits to modes, to frequency responses and to several experiments at once, against scenes whose numbers are known."""
 
-from __future__ import annotations
-
 import copy
 import json
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Fits of a scene's numbers to measured histories: what data can tell, intervals, files and messages."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

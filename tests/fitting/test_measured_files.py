@@ -1,7 +1,5 @@
 """Measurements from universal, MAT and NetCDF files, shifts of clocks, and the scene's table of a fit."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

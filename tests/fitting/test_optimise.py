@@ -1,7 +1,5 @@
 """Best designs of a scene: against closed forms, against other designs around them, and what is refused."""
 
-from __future__ import annotations
-
 import copy
 import csv
 import json

@@ -5,8 +5,6 @@ github.com/LLNL/sundials, examples/idas/serial/idasSlCrank_FSA_dns, by Serban an
 are the equations of motion for the crank's angle alone, derived here, whose derivatives are those by complex steps.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Results as a function of numbers, for optimisers: against a closed form, and by its own laws."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import minimize

@@ -1,7 +1,5 @@
 """Derivatives of each kind of result, at rest and in contact, too: against scenes solved anew and closed forms."""
 
-from __future__ import annotations
-
 import copy
 from pathlib import Path
 from typing import Any

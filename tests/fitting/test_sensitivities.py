@@ -1,7 +1,5 @@
 """Derivatives of results by numbers of a scene, against closed forms, laws of scale and scenes solved anew."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

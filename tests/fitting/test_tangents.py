@@ -1,7 +1,5 @@
 """Tangents of motions by all methods that march them, in trees and loops, against extrapolated differences."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """Tangents and adjoints of random scenes of `benchmarks/truth_scenes.py` against extrapolated differences."""
 
-from __future__ import annotations
-
 import importlib
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What tolerances make of results, against closed forms of an oscillator and samples of these."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

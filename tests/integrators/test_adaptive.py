@@ -1,7 +1,5 @@
 """Adaptive methods: error against tolerance, steps, output, loads that jump, quiet coordinates, groups, failure."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The exponential method: its φ functions, what it solves exactly, order, output, restart, work, stability."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass

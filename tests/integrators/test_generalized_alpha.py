@@ -1,7 +1,5 @@
 """Generalised-α: its order, its damping, its Newton iteration."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.linalg

@@ -1,7 +1,5 @@
 """Marches of many states with numbers of their own, eight in the lanes of each step, against each march by itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

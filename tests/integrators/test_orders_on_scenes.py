@@ -1,7 +1,5 @@
 """Each method's error falls at its declared order on each ready scene, against the compiled Runge-Kutta of order 8."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """A march that is broken off and continued from its state, pickled in between, is one march, bit for bit."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 

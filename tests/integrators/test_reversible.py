@@ -1,7 +1,5 @@
 """Reversible sub-cycling: order, the linear map against its formula, conservation where sub-cycling fails, limits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

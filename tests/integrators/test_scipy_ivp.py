@@ -1,7 +1,5 @@
 """SciPy's adaptive methods: agreement with each other, loads that jump, output, counts, failure, refusals."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field

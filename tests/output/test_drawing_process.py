@@ -1,7 +1,5 @@
 """A process that draws: order, errors, its death, and the pause while something is timed."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

@@ -1,7 +1,5 @@
 """Histories and tables of extremes: what is in the files, against statics and the forces of springs and masses."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """Charts of histories, and the sheet for those who decide, on a rod that falls from level about its end."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What pictures of a mechanism show: every body where the motion has it, joints where bodies meet, the ground."""
 
-from __future__ import annotations
-
 import struct
 from functools import cached_property
 from pathlib import Path

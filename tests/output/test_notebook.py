@@ -1,7 +1,5 @@
 """What a notebook shows of scene, modes and motion; the README's own lines."""
 
-from __future__ import annotations
-
 import base64
 import io
 import re

@@ -1,7 +1,5 @@
 """Places on a body are given in the part's own coordinates, wherever its joint is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Pictures of a contact's pressure: what is drawn is what the motion has, and what can't be is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

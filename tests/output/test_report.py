@@ -1,7 +1,5 @@
 """The page of all results: what is in it, that it needs no network, and that a browser turns the part."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """docs/results.md: its recipe gives the figures of the run, and it names every variable."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

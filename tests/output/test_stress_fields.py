@@ -1,7 +1,5 @@
 """Envelope and fatigue as a scene asks for them: pictures, surfaces and tables agree with the stress in motion."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """Run time against error: what the table holds, and that it can't be had from a doubtful reference."""
 
-from __future__ import annotations
-
 import csv
 import json
 

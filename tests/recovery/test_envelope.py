@@ -1,7 +1,5 @@
 """Envelope of the stress against the whole history and eigenvalues of LAPACK."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

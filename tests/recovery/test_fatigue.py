@@ -1,7 +1,5 @@
 """Fatigue: the standard's worked example, a well-kept counter, closed forms, and what skipping nodes leaves alone."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lanczos' method with blocks finds what matrices have by construction: pairs and more, bases that end, none lost."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Scenes of beams for linear answers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from fmd.scene.scene import load_scene

@@ -1,7 +1,5 @@
 """Poles, zeros and frequency responses of beams against the closed forms of Timoshenko's theory."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Frequency responses of reduced scenes against harmonic solutions of the whole finite element model."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bearings with tables over speed and over whirl: vibrations, orbits and motion of a rigid rotor in closed form."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

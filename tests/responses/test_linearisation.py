@@ -1,7 +1,5 @@
 """Linear models of mechanisms: against differences of their accelerations, against marches, and in symmetries."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

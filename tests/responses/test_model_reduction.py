@@ -1,7 +1,5 @@
 """Reduced linear models: balanced truncation beside closed forms and the whole model's response."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

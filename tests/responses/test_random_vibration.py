@@ -1,7 +1,5 @@
 """Random vibration against closed forms and against long marches under noise."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

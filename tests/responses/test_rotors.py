@@ -1,7 +1,5 @@
 """Whirl of rotors in bearings against closed forms and a published rotor, and Campbell diagrams as files."""
 
-from __future__ import annotations
-
 import csv
 import json
 from dataclasses import replace

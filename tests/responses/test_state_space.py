@@ -1,7 +1,5 @@
 """State-space models: poles, zeros, responses and files of small systems whose answers are known."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Rotors of several bodies, linearised where they turn steadily, against beams of their own and closed forms."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Orbits of rotors by an unbalance and by forces that go round, against closed forms and critical speeds."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

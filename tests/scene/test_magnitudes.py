@@ -1,7 +1,5 @@
 """Values that can't be are refused as they are read; unusual ones are named by a warning."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

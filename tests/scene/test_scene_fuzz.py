@@ -4,8 +4,6 @@ A mutation is of one of two kinds: it makes a scene wrong for certain (a misspel
 name that nothing has), which must be refused, or it may leave a scene that can be computed.
 """
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Callable

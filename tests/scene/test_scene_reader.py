@@ -1,7 +1,5 @@
 """A scene read again and again with other values is the one that is read by itself, and so are its errors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

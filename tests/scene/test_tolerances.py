@@ -1,7 +1,5 @@
 """Tolerances beside a scene's numbers, which are read apart from these."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """FMUs of others in the loop: two oscillators, one of them an FMU, against the matrix exponential of both."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Scenes whose parts come from files: CAD, meshes, matrices; told by name and by place, of several materials."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Mechanisms of scenes that differ in numbers of joints: taken from one another, they are those that are built."""
 
-from __future__ import annotations
-
 import pytest
 
 from fmd.core.cache import Cache

@@ -1,7 +1,5 @@
 """Scenes with loops: supports that are redundant, and what can't be closed, told in one message."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Numbers of modes that a scene asks for: pairs stay whole, and what a mesh doesn't have is refused."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Loads at points: the largest stress is that elsewhere, by beam theory, and the run says so."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Superelements of other programs: one that is made here by dense matrices moves as the whole body does."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple

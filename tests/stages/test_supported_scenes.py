@@ -1,7 +1,5 @@
 """Scenes whose bodies are supported or have an interface, and scenes of parts alone."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The table of a sweep whose points are marched in lanes, stopped and resumed, against runs by themselves."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any

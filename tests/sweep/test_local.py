@@ -1,7 +1,5 @@
 """Processes on this machine: what becomes of a point that kills them."""
 
-from __future__ import annotations
-
 import os
 import sys
 

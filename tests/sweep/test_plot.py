@@ -1,7 +1,5 @@
 """The plot of a sweep: which figures, in which units, over which axes."""
 
-from __future__ import annotations
-
 from itertools import product
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Points of a sweep: values from the command line, refused values, and keys of results."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Records of points: written, read again, and damaged."""
 
-from __future__ import annotations
-
 from fmd.output.variable_errors import NO_BUDGET
 from fmd.sweep.record import Record, read_record, write_record
 

@@ -1,7 +1,5 @@
 """Results of a sweep that are asked for by name, against closed forms, and what becomes of names that nothing has."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sweeps as a user meets them: in processes of their own, some of which are killed on the way."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

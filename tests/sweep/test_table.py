@@ -1,7 +1,5 @@
 """Tables of a sweep: values of an axis, rows and dimensions of lists."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray

@@ -6,8 +6,6 @@ so that no Jacobian is written; accelerations and multipliers solve one augmente
 constraints are redundant.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

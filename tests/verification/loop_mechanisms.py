@@ -1,7 +1,5 @@
 """Published mechanisms with loops, built from links and closures by hand: no mesh, no scene."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Random loops of rigid bodies, as mechanisms and as the reference in absolute coordinates."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

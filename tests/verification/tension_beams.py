@@ -1,7 +1,5 @@
 """Euler's beam under tension by cubic elements, an independent reference for stiffened bodies."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array

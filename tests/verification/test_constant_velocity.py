@@ -1,7 +1,5 @@
 """Constant-velocity joints: both shafts turn equally fast at any tilt, where a universal joint's ratio oscillates."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

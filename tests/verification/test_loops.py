@@ -1,7 +1,5 @@
 """Published mechanisms with loops, and random ones against an independent reference."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The verification suite: each case keeps its tolerance, and what is out of one is said and ends the command."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

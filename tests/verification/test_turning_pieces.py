@@ -1,7 +1,5 @@
 """A bar in pieces on a turning hub, which its own inertia stiffens, against a beam under tension."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

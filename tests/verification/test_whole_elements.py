@@ -1,7 +1,5 @@
 """Scenes of the product beside whole finite elements in motion, which know neither frame, modes nor joints."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

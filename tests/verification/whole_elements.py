@@ -5,8 +5,6 @@ under gravity, forces at markers and springs to the ground, by the generalised-Î
 60, 1993) with Newton's method in each step. It shares the mesh with the product, and nothing of its motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any

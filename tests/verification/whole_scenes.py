@@ -1,7 +1,5 @@
 """Random scenes of one bar that whole finite elements can follow: clamped or turned, loaded anywhere, on springs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Bodies of other frequencies or fewer shapes, in coordinates of their own, for computations beside a run's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A run and its scene on a coarser mesh: the gain in accuracy from one to the other, and the shapes that match."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Comparison of a run with variants of it: their marches, within a time limit, and the changes of its quantities."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import cached_property

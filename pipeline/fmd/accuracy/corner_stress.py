@@ -4,8 +4,6 @@ About an edge where more than 180° are material, and about that of a rigid face
 of the distance below zero (Williams, J Appl Mech 19, 1952), and so does that of elements about it by their size.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ recovery by patches of elements. Where a motion rings, an error of its frequenci
 extrapolated from two motions; so the frequencies are, and the motion is computed with them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Excess of a part's frequencies by its mesh: by recovered stress, by a coarser mesh and by few elements across."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.accuracy.coarse_mesh import Pair

@@ -1,7 +1,5 @@
 """A target accuracy, met by refining what the error budget is made of, and numbers of pieces that a scene leaves."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import Any

@@ -6,8 +6,6 @@ response is moved, and what it takes of the flexibility. As in an error budget t
 root of the sum of their squares.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

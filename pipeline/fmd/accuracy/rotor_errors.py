@@ -3,8 +3,6 @@
 They come from the variants by which frequency responses have theirs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

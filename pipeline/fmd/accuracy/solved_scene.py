@@ -1,7 +1,5 @@
 """The way from a scene to its results: stages of the scene with the settings that its accuracy takes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property

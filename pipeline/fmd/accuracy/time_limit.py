@@ -1,7 +1,5 @@
 """Time limit of an error budget: estimates that would go beyond it are left out and named."""
 
-from __future__ import annotations
-
 import math
 import os
 import time

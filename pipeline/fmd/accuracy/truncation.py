@@ -1,7 +1,5 @@
 """Comparison of a run with one of a richer basis, both marched so that time integration hardly counts."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Warnings about results that the error budget states as uncertain, with the source and a remedy."""
 
-from __future__ import annotations
-
 from fmd.accuracy.error_budget import Budget
 from fmd.accuracy.error_estimates import Row
 from fmd.core.limits.errors import TOO_UNCERTAIN

@@ -1,7 +1,5 @@
 """``fmd sweep``: one scene at every combination of values."""
 
-from __future__ import annotations
-
 import time
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The table of a mechanism's contacts, from its bodies that touch something."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

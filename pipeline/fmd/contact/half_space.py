@@ -1,7 +1,5 @@
 """Flexibility of an elastic half-space's surface under rectangles of constant pressure and shear."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array

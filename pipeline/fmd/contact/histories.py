@@ -1,7 +1,5 @@
 """Values of a contact that kernels fill, and what they mean over time."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

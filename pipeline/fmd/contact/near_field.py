@@ -9,8 +9,6 @@ half-space's is taken off, varies little over a contact. It is known from pairs 
 with H by Boussinesq and Cerruti and rows W that interpolate from nodes to the lowest place, or along the lowest line.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

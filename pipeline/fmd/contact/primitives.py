@@ -1,7 +1,5 @@
 """Surfaces of rigid bodies: points with a radius, and balls, boxes, pins and bores that points may touch."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

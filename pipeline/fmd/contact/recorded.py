@@ -1,7 +1,5 @@
 """Rows of numbers that a march notes of a mechanism's contacts at its output times, and what stands where in them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol

@@ -4,8 +4,6 @@ A ball's is Hertz's. A pin's on a plane or in a bore follows from the flexibilit
 as the pin: for each width of the contact, pressures that lift the strips out of the other surface vanish at its edges.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Smooth surface through the nodes of a face, a plane or a quadric: spheres, cylinders, cones and ellipsoids are."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

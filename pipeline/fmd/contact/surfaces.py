@@ -1,7 +1,5 @@
 """Surfaces of bodies that may touch: their points, and the triangles or planes before them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

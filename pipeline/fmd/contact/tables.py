@@ -1,7 +1,5 @@
 """Arrays of a mechanism's contacts that kernels read and write."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Flexibility of a rigid body's surface of triangles, as of an elastic half-space near each place."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.contact.half_space import shear_modulus

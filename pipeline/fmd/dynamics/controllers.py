@@ -1,7 +1,5 @@
 """Sampled controllers: what they measure, what they hold between two samples, and their law."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

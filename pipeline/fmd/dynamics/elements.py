@@ -1,7 +1,5 @@
 """Force elements between two places of a mechanism: springs between points, and bushings."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self

@@ -6,8 +6,6 @@ its own start) or where a mode that is excited acts on it; all others have nothi
 modes under an in-plane motion stay at rest, and all but the evenly turned ones of a cyclic body in a steady drive.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

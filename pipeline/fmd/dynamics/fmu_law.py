@@ -1,7 +1,5 @@
 """An FMU for co-simulation as the law of a sampled controller."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

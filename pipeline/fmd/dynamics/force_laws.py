@@ -3,8 +3,6 @@
 Each law is an expression graph, which mechanisms compile and which NumPy evaluates.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Pieces of a formula on each of which it is smooth, and its integral however narrow its features are."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

@@ -4,8 +4,6 @@ Frames, energies, momenta and forces of elements are those of the mechanism's gr
 `fmd.dynamics.compiler.recorded`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

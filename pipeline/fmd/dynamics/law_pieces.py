@@ -1,7 +1,5 @@
 """Pieces of force laws, on each of which a law is smooth, and the laws whose pieces a step may miss."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

@@ -10,8 +10,6 @@ elastic energy as small as self-stresses s can make it (Castigliano's principle 
 with the modal forces f of the loads that are known, and g of unit self-stresses.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Accelerations, and forces and moments of all joints, over a motion: those of the tree and those that close loops."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

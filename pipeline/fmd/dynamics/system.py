@@ -4,8 +4,6 @@ A system is its parameters, a `Table` of flat arrays, and compiled functions of 
 what each does is registered for a type of parameters, so that one integrator kernel serves every mechanism.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import singledispatch
 from typing import Any, Protocol

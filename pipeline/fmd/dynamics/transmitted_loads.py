@@ -5,8 +5,6 @@ From the leaves to the ground, Newton's and Euler's laws give what each joint tr
     F = Ṗ + ω × P − m g − (loads and what children pull with)        M = L̇ + ω × L + V × P − …
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 

@@ -1,7 +1,5 @@
 """Angular frequencies of ``M q̈ + K q = 0``, inertial coupling, and the limit of explicit steps with dampers."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array

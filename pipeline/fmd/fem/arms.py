@@ -6,8 +6,6 @@ over the square of the coordinates, without any stress. It keeps a disc on a sha
 arms, from being weakened by its own turning.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

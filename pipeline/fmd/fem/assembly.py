@@ -6,8 +6,6 @@ For an isotropic material the stiffness follows from one array of gradient produ
 element's T; the material enters after the sum over elements, where there are far fewer blocks.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

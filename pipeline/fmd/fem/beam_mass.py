@@ -5,8 +5,6 @@ move as the beam's axis and its sections do between the ends (Przemieniecki, The
 section 11.6), so ``Tᵀ M T`` is the consistent mass with rotary inertia; each turns in second order with its section.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Linear equations between displacements, solved for all unknowns by the independent ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray

@@ -4,8 +4,6 @@ Rigid connections that share a point with a rotation are one rigid piece. A poin
 nothing ties is a rigid piece of its own. A shell's node of which a rotation is wanted turns as the elements around it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Solid finite elements: shape functions, Jacobians, quadrature and local numbering."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

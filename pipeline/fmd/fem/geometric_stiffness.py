@@ -10,8 +10,6 @@ part by a small displacement v, which takes nearly all of its energy away; what 
 Bathe, Finite Element Procedures, section 6.2).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import singledispatch
 

@@ -1,7 +1,5 @@
 """Motions of links that nothing resists: left out if nothing moves by them, refused if a mass does."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

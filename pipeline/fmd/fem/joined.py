@@ -6,8 +6,6 @@ lead, a shell or a beam is held by a ball joint, since solids have no rotations;
 it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

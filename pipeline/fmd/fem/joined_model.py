@@ -1,7 +1,5 @@
 """The finite element model of solids, shells and beams that are one body, by one map from its independent unknowns."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import reduce
 

@@ -6,8 +6,6 @@ nodes and has none. Stiffness and mass are matrices of the points, and ``Tᵀ K 
 inertia is that of points on rigid arms, exact for every length of the arms.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -5,8 +5,6 @@ marker turns as the material does, by half the curl of the displacement, ``ψ = 
 of nodal forces with the same work.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import NamedTuple
 

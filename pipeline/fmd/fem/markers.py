@@ -1,7 +1,5 @@
 """Markers: mean displacement and rotation of a face as weights on its nodes, or a rigid face."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

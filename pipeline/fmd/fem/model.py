@@ -1,7 +1,5 @@
 """The finite element model: nodes, stiffness and mass of one body."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar

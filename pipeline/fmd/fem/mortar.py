@@ -12,8 +12,6 @@ Analysis 38, 2000. Popp, Wohlmuth, Gee & Wall, Dual quadratic mortar finite elem
 contact, SIAM Journal on Scientific Computing 34, 2012.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Rotations of a shell's nodes by the model's unknowns."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

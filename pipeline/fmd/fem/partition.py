@@ -5,8 +5,6 @@ Mathematical Journal 23, 1973; Pothen, Simon & Liou, SIAM J Matrix Anal 11, 1990
 squarely, however these are bent.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from importlib.util import find_spec
 

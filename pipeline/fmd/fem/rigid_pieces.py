@@ -1,7 +1,5 @@
 """Rigid pieces of a body: how its independent unknowns move where some of its points move as one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

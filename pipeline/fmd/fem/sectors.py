@@ -1,7 +1,5 @@
 """A whole cyclic body from the mesh of one of its sectors, which two cuts bound."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

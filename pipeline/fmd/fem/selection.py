@@ -1,7 +1,5 @@
 """Facets, nodes and elements of a body, selected by their position in space."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import reduce
 

@@ -14,8 +14,6 @@ Zienkiewicz, Xu, Zeng, Samuelsson & Wiberg, Linked interpolation for Reissner–
 Journal for Numerical Methods in Engineering 36, 1993.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

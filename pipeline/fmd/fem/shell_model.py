@@ -6,8 +6,6 @@ made up. At folds and branches there are six. Mass is that of the layer between 
 it. The nodes themselves are points without mass, on which supports act.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -15,8 +15,6 @@ a solid on its true, curved or warped geometry, and a rigid motion costs no ener
   triangles two for a cubic rotation in their middle; both are condensed as those of enhanced hexahedra.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray

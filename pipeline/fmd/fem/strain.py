@@ -12,8 +12,6 @@ The parameters α minimise the element's own energy, ``H α = −Γ u`` with ``H
 leave the stiffness ``∫ Bᵀ C B dV − Γᵀ H⁻¹ Γ`` on the same nodes.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

@@ -1,7 +1,5 @@
 """Shells from midsurfaces: orientation, directors at the nodes, and the layer of solid cells between both faces."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Ties: faces of parts without common nodes, which stay together where they are near."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

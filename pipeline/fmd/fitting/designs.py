@@ -1,7 +1,5 @@
 """A scene as a function of some of its numbers: results of designs, in logarithms, and their derivatives."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Measured histories of a scene's first run, which the scene with other numbers has, too."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol

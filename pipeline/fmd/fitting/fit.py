@@ -1,7 +1,5 @@
 """Fits of a scene's numbers to measurements, with what these data can tell."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files of fits, designs and sensitivities: tables, charts, and scenes with the numbers found."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping, Sequence

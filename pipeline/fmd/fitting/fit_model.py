@@ -1,7 +1,5 @@
 """A scene as a function of some of its numbers: residuals against measurements, and their Jacobian."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

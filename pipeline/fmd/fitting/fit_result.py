@@ -1,7 +1,5 @@
 """Result of a fit of a scene's numbers to measurements: values, intervals, and what speaks against them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """A scene's first run, marched again at other values of its numbers by the same method and the same steps."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Tables of what was measured, from files of several formats, as columns with names and units."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple

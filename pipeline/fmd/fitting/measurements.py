@@ -1,7 +1,5 @@
 """Measured histories from a table, with the noise of each channel."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

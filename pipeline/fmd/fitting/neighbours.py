@@ -5,8 +5,6 @@ set to the run's state less and more half of their difference. What is carried o
 are taken; what a difference leaves out does not grow with time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Numbers of a scene that results are differentiated by: found by their keys, and changed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, get_args

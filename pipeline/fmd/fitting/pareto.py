@@ -1,7 +1,5 @@
 """Designs of which none is better in two aims at once."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

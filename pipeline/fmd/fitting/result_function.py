@@ -3,8 +3,6 @@
 Weighted sums of histories have theirs by many numbers at once, by the adjoint of the run's march.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Derivatives of results by numbers of a scene."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any

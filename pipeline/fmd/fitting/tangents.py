@@ -1,7 +1,5 @@
 """Tangents of a run: how its motion changes with numbers that are inputs of its equations, marched beside it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple

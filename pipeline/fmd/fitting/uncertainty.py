@@ -1,7 +1,5 @@
 """Uncertainty of results by tolerances of a scene's numbers, and which number most of it comes from."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@ The layout is that of SDRC's I-DEAS, as the Structural Dynamics Research Laborat
 publishes it. Nodes are named by the scene's markers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from enum import IntEnum
 from pathlib import Path

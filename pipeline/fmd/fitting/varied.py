@@ -1,7 +1,5 @@
 """Numbers of a scene that a fit or an optimisation varies, with their bounds."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

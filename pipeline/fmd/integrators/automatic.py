@@ -1,7 +1,5 @@
 """Automatic choice of a method for a wanted error, with steps refined until two marches agree."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

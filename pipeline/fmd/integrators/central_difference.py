@@ -4,8 +4,6 @@ Velocity-dependent forces take ``v_n ≈ v_{n−½} + ½ h a_{n−1}``, which ke
 Stable for ω_max h < 2.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

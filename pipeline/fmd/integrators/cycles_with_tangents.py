@@ -1,7 +1,5 @@
 """Major cycles of sub-cycling with eight tangents of the motion, whose slow coordinates stand between its fast ones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Count of the steps that a march by an adaptive method has before it, so that one without end is refused soon."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from fmd.core.errors import StabilityError

@@ -1,7 +1,5 @@
 """Counted operations of the methods, by which the automatic choice weighs them: hardly a machine's matter."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.limits import stepping as limits

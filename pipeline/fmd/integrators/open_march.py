@@ -1,7 +1,5 @@
 """March by an adaptive method that a program takes on from time to time, setting values in between."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array

@@ -1,7 +1,5 @@
 """SciPy's adaptive methods on a mechanism, as references and as a fall-back where no other method fits."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

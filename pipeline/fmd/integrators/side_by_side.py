@@ -1,7 +1,5 @@
 """Several marches of one motion, in turn or at the same time."""
 
-from __future__ import annotations
-
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence

@@ -9,8 +9,6 @@ motion: a force frozen for a cycle would lag behind the mode that makes it and d
 m = 1 is central difference, bit for bit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

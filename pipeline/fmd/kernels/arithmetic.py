@@ -5,8 +5,6 @@ Doubles follow IEEE 754 where Python would raise: 1/0 is infinite, and the root 
 arithmetic with a vector stands for all of its entries.
 """
 
-from __future__ import annotations
-
 import ast
 import operator
 

@@ -1,7 +1,5 @@
 """Expressions of kernels in LLVM's language, and the variables and names outside that they read."""
 
-from __future__ import annotations
-
 import ast
 import builtins
 from collections.abc import Sequence

@@ -6,8 +6,6 @@ types and the processor, in a folder that changes with the sources of this packa
 ``checked`` compiles them with checks of all indices.
 """
 
-from __future__ import annotations
-
 import ctypes
 import functools
 import os

@@ -3,8 +3,6 @@
 Each is written by a function of the writer and the values of its arguments.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

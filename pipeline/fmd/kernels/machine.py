@@ -1,7 +1,5 @@
 """Machine code: compiled for this processor, linked into the process, and kept on disk as entries of the one store."""
 
-from __future__ import annotations
-
 import hashlib
 import threading
 from functools import cache

@@ -3,8 +3,6 @@
 What is out of bounds is noted, and read and written elsewhere, so that the kernel ends and its caller can tell.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Sequence
 

@@ -6,8 +6,6 @@ with their rows and slices, members of a `Table`, tuples, arithmetic, comparison
 the type that it is first given; one that Python would miss is 0.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import textwrap

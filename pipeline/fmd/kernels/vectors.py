@@ -1,7 +1,5 @@
 """Vectors within arrays, and calls of machine code by address, as kernels have them and as plain Python runs them."""
 
-from __future__ import annotations
-
 import ctypes
 
 import numpy as np

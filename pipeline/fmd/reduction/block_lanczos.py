@@ -7,8 +7,6 @@ Journal on Matrix Analysis and Applications 15, 1994. Wu & Simon, Thick-restart 
 eigenvalue problems, SIAM Journal on Matrix Analysis and Applications 22, 2000.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -7,8 +7,6 @@ same z. One real factorisation of the sector's inside serves all harmonics: it i
 their few unknowns know of the phase.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -5,8 +5,6 @@ of as many nodes as there are functions, with a mass matrix for which the functi
 products, has exactly the same integrals in every frame: what refers a mesh to its joint refers it, too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

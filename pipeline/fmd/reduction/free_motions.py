@@ -1,7 +1,5 @@
 """Shapes without stiffness that are more or fewer than the rigid motions of a body, and which points move so."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array

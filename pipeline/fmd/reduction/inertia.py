@@ -1,7 +1,5 @@
 """The inertia shape integrals: all inertia integrals of a floating frame, exact in the finite element space."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any

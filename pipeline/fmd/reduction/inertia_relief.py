@@ -4,8 +4,6 @@ Their own inertia balances the loads (inertia relief). Much round-off is left wh
 part that they make up.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -4,8 +4,6 @@ A single vector that Lanczos starts from can miss one of several modes of equal 
 SciPy's `eigsh` works with. With all modes known so far taken out, new random vectors meet a missed one as the lowest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

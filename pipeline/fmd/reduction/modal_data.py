@@ -1,7 +1,5 @@
 """A flexible body as multibody programs' files hold it: inertia integrals, modal matrices, nodes with shapes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

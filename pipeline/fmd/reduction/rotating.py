@@ -1,7 +1,5 @@
 """Vibrations of a body on a hub that turns at a constant rate."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

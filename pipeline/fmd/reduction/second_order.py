@@ -22,8 +22,6 @@ with the inertia M₀ of the undeformed frame and its coupling W₀ with the mod
 ``Σ_a β_a (g_a + Σ_b N_ab f_b)`` with ``β_a = q̇ᵀ F_a q̇``.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

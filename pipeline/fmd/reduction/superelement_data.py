@@ -6,8 +6,6 @@ motion take in first order: mass, centre, inertia tensor, ``∫ ψ = 0``, ``∫ 
 it doesn't tell, ``∫ x_(a ψ_b)`` and how ``∫ ψ_ja ψ_kb`` divides among directions, comes from points of known motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

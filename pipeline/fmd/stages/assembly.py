@@ -1,7 +1,5 @@
 """Assembly of mechanisms with loops: positions and rates at the start that every joint allows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

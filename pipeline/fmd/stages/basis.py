@@ -1,7 +1,5 @@
 """The basis of a flexible body: its modes, the reduced body on its joint, and geometric stiffening."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Grids of contacts with a half-space's near field: which contacts have one, where on its face, and how wide."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Any
 

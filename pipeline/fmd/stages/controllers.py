@@ -1,7 +1,5 @@
 """From a scene's controllers to functions of a mechanism's state, and to laws that sample it."""
 
-from __future__ import annotations
-
 import math
 from importlib.util import find_spec
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Links, masses and springs of a deck on a part in pieces: what hangs together stays in one piece."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a scene's springs, bushings and bearings, and joints' stops and friction, to force elements and laws."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

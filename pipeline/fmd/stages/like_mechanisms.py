@@ -1,7 +1,5 @@
 """Mechanisms of scenes that differ from others in springs, rests and dampers of joints alone: built once for all."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

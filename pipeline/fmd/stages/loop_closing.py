@@ -1,7 +1,5 @@
 """Loops of a mechanism that are closed by moving its joints, from the positions that a scene gives them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Markers, links and supports of a flexible body on its mesh or on the nodes of its matrices."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

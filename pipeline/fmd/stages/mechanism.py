@@ -1,7 +1,5 @@
 """From a scene's bodies, joints and drives to the mechanism that its runs integrate."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Axes of places and joints, the joint that carries a flexible body, and what it means for the body's modes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

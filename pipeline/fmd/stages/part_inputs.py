@@ -1,7 +1,5 @@
 """A flexible body as its scene gives it, and the keys that the results of its stages are kept under."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from fmd.scene.imported_bodies import Meshless

@@ -1,7 +1,5 @@
 """Flexible bodies as other programs get them: for any motion in space, whatever the scene does with them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a scene's formulas of the motion to functions of a mechanism's state."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -4,8 +4,6 @@ Tension stiffens and compression softens. The linear floating frame knows neithe
 a body's second moments, and has no stiffness left at a critical rate.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 

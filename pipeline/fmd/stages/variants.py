@@ -1,7 +1,5 @@
 """Scenes whose mechanisms differ in springs, rests and dampers of joints: what they share is found for all at once."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple

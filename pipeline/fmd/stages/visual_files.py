@@ -1,7 +1,5 @@
 """Shapes of rigid bodies that come from STL, OBJ and CAD files, as triangles."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any

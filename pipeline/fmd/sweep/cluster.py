@@ -1,7 +1,5 @@
 """Points on a Dask cluster: the scheduler hands them out, and once more if a worker is lost."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A sweep over its points, taken up where an earlier one was stopped."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

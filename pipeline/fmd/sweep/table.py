@@ -1,7 +1,5 @@
 """A sweep's table: one row a point as CSV, one dimension a varied key as NetCDF."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The computation of points of a sweep, on this machine or on a cluster."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,8 +1,6 @@
 """Sub-cycling in plain NumPy, its frozen equation by differences of the residual: slow, and sharing no frozen
 tangents."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tangents that are marched beside a motion, against extrapolated differences of marches of changed mechanisms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any

@@ -1,7 +1,5 @@
 """Values of compiled programs by the interpreter, and differences between arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 from weakref import WeakKeyDictionary

@@ -4,8 +4,6 @@ Places are products of rotation matrices, velocities complex steps of them, and 
 differences of order 8. Forces do their work on what moves (Kane & Levinson, Dynamics, McGraw-Hill, 1985).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array

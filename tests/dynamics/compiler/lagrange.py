@@ -1,7 +1,5 @@
 """Lagrange's equations from the energies of `Kinematics`, by differences: for mechanisms without rotations in space."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Random mechanisms with everything that one may have, made of mass points whose places are known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property

@@ -1,7 +1,5 @@
 """Random force elements on random mechanisms, and what they do by virtual power: plain NumPy that shares no code."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """C code of programs agrees with their machine code to round-off, and is the same text each time."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

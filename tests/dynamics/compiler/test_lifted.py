@@ -1,7 +1,5 @@
 """Lifted mechanisms, whose rigid bodies' inertia, modal damping and gravity are inputs, against the others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

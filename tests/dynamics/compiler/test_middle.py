@@ -1,7 +1,5 @@
 """What a cycle of reversible sub-cycling freezes, and its steps, against NumPy and functions of their own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

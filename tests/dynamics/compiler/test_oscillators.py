@@ -1,7 +1,5 @@
 """Steps of uncoupled oscillators over a cycle, compiled, are those of the plain formula one after the other."""
 
-from __future__ import annotations
-
 import ctypes
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Meshes from files: every format with every element has the right order of nodes, by laws of elasticity."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Readers of text run as they are. What meshio and Gmsh read goes through the func
 of its own, here in a fork, with the same limit on memory and a time after which it counts as given up.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import time

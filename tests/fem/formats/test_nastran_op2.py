@@ -1,7 +1,5 @@
 """Nastran's OUTPUT2: matrices that Nastran has written and computed with, and random ones in both precisions."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Stress and geometric stiffness that another program has computed for a body without elements."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from dataclasses import replace

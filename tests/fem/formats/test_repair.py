@@ -1,7 +1,5 @@
 """Faults of mesh files: each is counted, and mended if repair is allowed and can't change the part."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

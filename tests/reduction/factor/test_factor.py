@@ -1,7 +1,5 @@
 """Each solver gives the same answers, says what it takes, and refuses what doesn't fit."""
 
-from __future__ import annotations
-
 import ctypes
 import gc
 import tracemalloc

@@ -1,7 +1,5 @@
 """PETSc and SLEPc over two MPI ranks, beside the solver in this process."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from functools import partial

@@ -1,7 +1,5 @@
 """Nastran's direct matrix input: the cards field by field, and the matrices and frequencies from them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Couplings between a mechanism's coordinates in any state, found by sampling its tangents at random ones."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Arrays and addresses of a compiled mechanism that the integrators' kernels read and write."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from fmd.core.arrays import Array, IntArray

@@ -1,7 +1,5 @@
 """Accelerations of a compiled mechanism with those of unit forces, its inverse mass matrix where no loops close."""
 
-from __future__ import annotations
-
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.closed import close_response
 from fmd.dynamics.compiled_system.kernels import set_inputs

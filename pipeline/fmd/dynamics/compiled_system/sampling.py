@@ -1,7 +1,5 @@
 """Sampled controllers of one march: when they measure, what, and the values that they hold until then."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

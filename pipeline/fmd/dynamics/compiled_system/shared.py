@@ -1,7 +1,5 @@
 """Systems of equal mechanisms in one process: what has been found of one serves the others."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 from dataclasses import replace
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Steady state of a mechanism: where loads and rotation leave the modes at rest in their frames."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array

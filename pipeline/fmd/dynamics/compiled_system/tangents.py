@@ -7,8 +7,6 @@ Positions, rates and accelerations are the motion's own, filled up with zeros to
 those of the tangents, eight to each.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -11,8 +11,6 @@ so the stiffness is that of Przemieniecki's beam (Theory of Matrix Structural An
 static answers to loads on nodes are exact. Strains in the section leave it without stress but along the beam.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

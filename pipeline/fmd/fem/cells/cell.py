@@ -1,7 +1,5 @@
 """A type of solid cell: its shape, its nodes, the elements on it, and its names in the files of other programs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Hexahedra of 8, 20 and 27 nodes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array

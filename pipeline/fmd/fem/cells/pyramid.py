@@ -17,8 +17,6 @@ Gauss–Jacobi points along z (Stroud, Approximate Calculation of Multiple Integ
 where gradients depend on the direction, they are those along the axis.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The shape of a solid cell, and the shape functions and quadrature that scikit-fem has for it or lacks."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cache, partial

@@ -1,7 +1,5 @@
 """Shells of four and three nodes, as solid cells of one layer between the points at both faces."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

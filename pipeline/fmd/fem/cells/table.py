@@ -1,7 +1,5 @@
 """All solid cells, and the layers of shells, by meshio's names."""
 
-from __future__ import annotations
-
 from fmd.fem.cells import hexahedron, pyramid, tetrahedron, wedge
 from fmd.fem.cells.cell import SolidCell
 

@@ -1,7 +1,5 @@
 """Tetrahedra of 4 and 10 nodes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array

@@ -8,8 +8,6 @@ the serendipity wedge have (Zienkiewicz & Taylor, The Finite Element Method, vol
     uprights    L_i (1 − ζ²)
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

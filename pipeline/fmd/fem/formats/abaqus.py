@@ -4,8 +4,6 @@ meshio's own reader loses sets that are given in several pieces, knows few of th
 confuses the numbers of a second part with the first's.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 

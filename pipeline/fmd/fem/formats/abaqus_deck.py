@@ -1,7 +1,5 @@
 """Contents of a deck of Abaqus or CalculiX by the numbers in the file, and their mesh."""
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from collections.abc import Mapping

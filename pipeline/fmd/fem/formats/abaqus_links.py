@@ -1,7 +1,5 @@
 """Links, equations, springs and lumped masses in input files of Abaqus and CalculiX."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 

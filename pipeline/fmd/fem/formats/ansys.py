@@ -1,7 +1,5 @@
 """Reader of Ansys' decks as CDWRITE writes them (``.cdb``): nodes, elements, sets, sections, links and masses."""
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Reader of the matrices in Ansys' ``.full`` files, by the package ansys-mapdl-reader, which loads when it is used."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Links, equations, springs and lumped masses in Ansys' decks."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

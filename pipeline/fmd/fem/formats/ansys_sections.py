@@ -1,7 +1,5 @@
 """Sections of shells and beams in Ansys' decks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 

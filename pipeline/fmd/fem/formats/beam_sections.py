@@ -1,7 +1,5 @@
 """Sections, orientation and offsets of the beams of a deck, and what of them isn't read."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple

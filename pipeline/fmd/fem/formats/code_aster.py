@@ -1,7 +1,5 @@
 """Matrices as Code_Aster prints them: entries by equation, then the node and the component of each equation."""
 
-from __future__ import annotations
-
 import re
 from io import StringIO
 

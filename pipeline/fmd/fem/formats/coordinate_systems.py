@@ -1,7 +1,5 @@
 """Coordinate systems of Nastran decks, CORD2R, CORD2C and CORD2S, each given in another or in the basic one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 

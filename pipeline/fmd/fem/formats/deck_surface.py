@@ -1,7 +1,5 @@
 """Outer surface of the solid elements of a deck, as it is drawn; their nodes are those of the deck."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

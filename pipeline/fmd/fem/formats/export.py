@@ -1,7 +1,5 @@
 """Writer of meshes in the formats of other programs, with the names of parts if the format allows."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Import of beams from the lines of a deck of Nastran, Abaqus or Ansys."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray

@@ -1,7 +1,5 @@
 """Import of solids beside shells and beams, as one body, from a mesh file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Import of a solid mesh from a file of another program: reading, checks and mends."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Import of shells from the triangles and quadrilaterals of a mesh file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """Bodies given by another program's stiffness and mass matrices and its nodes' positions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Writer of a body's full matrices and nodes, in the formats that `fmd.fem.formats.matrices` reads."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

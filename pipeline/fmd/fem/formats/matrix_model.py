@@ -1,7 +1,5 @@
 """A finite element model without elements, of another program's matrices."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Readers of matrices in files: Matrix Market, SciPy's, Abaqus', Nastran's, Ansys' and Code_Aster's."""
 
-from __future__ import annotations
-
 import re
 import zipfile
 from collections.abc import Iterator, Sequence

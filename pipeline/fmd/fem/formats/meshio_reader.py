@@ -4,8 +4,6 @@ meshio prints, ends the program on some faults, never returns from some files th
 the memory to allocate. The other process has a limit on time and memory and returns the mesh as arrays in a file.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -10,8 +10,6 @@ Dompierre, Labbé, Vallet & Camarero, How to subdivide pyramids, prisms, and hex
 Meshing Roundtable, 1999.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

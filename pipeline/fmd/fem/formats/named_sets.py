@@ -1,7 +1,5 @@
 """Named sets of a mesh file: parts, faces, and ties between faces by their names."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -4,8 +4,6 @@ meshio's own reader mistakes a grid point's coordinate system for a label and a 
 one, and never returns from a file that is cut off.
 """
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence

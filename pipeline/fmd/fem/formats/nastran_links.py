@@ -1,7 +1,5 @@
 """Links, equations, springs and lumped masses in Nastran bulk data."""
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence

@@ -7,8 +7,6 @@ strings: each has its length and its row in two words if the matrix says a negat
 have numbers counted there.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Iterator, Mapping

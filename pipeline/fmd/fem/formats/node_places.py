@@ -1,7 +1,5 @@
 """Places of nodes by number, from tables and from decks of other programs."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field

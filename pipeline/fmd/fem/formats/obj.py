@@ -1,7 +1,5 @@
 """OBJ files of Wavefront as triangles: their vertices and faces, without normals, textures and materials."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 

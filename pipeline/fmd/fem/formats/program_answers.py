@@ -1,7 +1,5 @@
 """Answers of another program for a body that is given by its matrices: stress and geometric stiffness."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Displacements and stress that another finite element program has computed at a body's nodes, from its files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise

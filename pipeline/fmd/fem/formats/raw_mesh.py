@@ -1,7 +1,5 @@
 """A mesh as its file gives it: blocks of cells of any type and named sets, not yet checked."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import NamedTuple
 

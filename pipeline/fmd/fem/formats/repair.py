@@ -3,8 +3,6 @@
 Each function takes plain arrays and returns new ones; `import_mesh` decides which mends to make and reports them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Thickness, offset and layers of the shells of a deck, by element, and what of its sections isn't read."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -7,8 +7,6 @@ displacements of two nodes stays. The rest is lumped: forces and moments on a no
 cause become those of a rigid body on the node. The inertia of the whole is exact by that.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """STL files, binary and text, as triangles with common points."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Unknowns of dependent points follow from those of others, ``y = C z``, and point
 rigid connection moves in second order as its reference turns.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import TypeVar
 

@@ -5,8 +5,6 @@ The format is VTK's, version 2.0 (https://docs.vtk.org/en/latest/vtk_file_format
 pipeline, which is no shorter than the functions below.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any

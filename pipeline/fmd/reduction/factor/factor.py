@@ -4,8 +4,6 @@ Both work on METIS' nested dissection (pymetis), where it is there; of small mat
 Its size is known from the elimination tree before anything is factorised, so one that doesn't fit is refused at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec

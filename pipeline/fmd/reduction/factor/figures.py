@@ -1,7 +1,5 @@
 """Figures of a factorisation as plain data, which is read without loading a solver."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

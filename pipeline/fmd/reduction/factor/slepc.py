@@ -1,7 +1,5 @@
 """Factor and eigensolver spread over MPI ranks: PETSc, MUMPS and SLEPc in processes of their own."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -5,8 +5,6 @@ reads one command a line from standard input and answers each with one line on s
 all ranks.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 import sys

@@ -5,8 +5,6 @@ nodes in a comment, the components of the first node and, from a node's place in
 one half of each matrix, row by row.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

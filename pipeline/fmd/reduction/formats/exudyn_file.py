@@ -6,8 +6,6 @@ The file holds what ``ObjectFFRFreducedOrder`` needs: integrals of a body in its
 that Exudyn's mean of their motions is the marker's own motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Full matrices of a body with its nodes and modes, in files that scenes of matrices read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

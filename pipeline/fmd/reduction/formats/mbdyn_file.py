@@ -8,8 +8,6 @@ nodes, and bear no joints.
 Format: MBDyn's input manual, appendix "Modal Element Data".
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path

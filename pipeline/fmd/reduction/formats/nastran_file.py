@@ -4,8 +4,6 @@ Each marker of the interface is a grid point, each fixed-interface mode a scalar
 sixteen characters, which hold ten digits. Cards: ``DMIG``, ``GRID``, ``SPOINT`` of MSC Nastran's Quick Reference Guide.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 

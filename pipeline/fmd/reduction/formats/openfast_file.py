@@ -1,7 +1,5 @@
 """Superelements for OpenFAST's module ExtPtfm, in its text format of FLEX."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

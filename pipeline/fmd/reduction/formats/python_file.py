@@ -1,7 +1,5 @@
 """Reduced bodies in our own NetCDF files: modes, mass, stiffness, inertia integrals and the stress of each mode."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -5,8 +5,6 @@ begins with a line of counts. The other opens them by ``new frame``, has no such
 mode). Numbers have 17 digits, so a body comes back to the last bit.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -14,8 +14,6 @@ Wallrapp, Standardization of flexible body modeling in multibody system codes, M
 (1994) 283–304; Schwertassek & Wallrapp, Dynamik flexibler Mehrkörpersysteme, Vieweg (1999), section 6.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Superelements for Simscape Multibody as MATLAB's files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

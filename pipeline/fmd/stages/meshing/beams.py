@@ -1,7 +1,5 @@
 """Meshes of shafts and profiles from their tables in the scene."""
 
-from __future__ import annotations
-
 from functools import singledispatch
 
 import numpy as np
