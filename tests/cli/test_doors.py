@@ -116,7 +116,9 @@ def test_python_gives_the_results_of_the_command(run, chosen):
 
 
 def test_settings_are_found_once_and_kept(tmp_path):
-    first, again = (Result(load_scene("beam", [*WANTED, f"title=turn {k}"]), Cache(tmp_path)) for k in range(2))
+    first, again = (
+        Result(load_scene("beam", [*QUICK, "accuracy=50 %", f"title=turn {k}"]), Cache(tmp_path)) for k in range(2)
+    )
     assert not first.is_settled
     assert first.run.log.run[-1] == SETTINGS.name
     assert again.is_settled
