@@ -166,7 +166,7 @@ def test_a_sector_from_cad_is_meshed_alike_on_its_cuts(folder: Path) -> None:
         sides = [tag for tag in planes if abs(gmsh.model.getNormal(tag, [0.5, 0.5])[2]) < 0.1]
         gmsh.write(str(folder / "wedge.step"))
     names = ", ".join(f"'face-{tag}'" for tag in sides)
-    run = wheel(folder, f"{{cad = 'wedge.step', size = '24 mm', cyclic = 6, cuts = [{names}]}}")
+    run = wheel(folder, f"{{cad = 'wedge.step', size = '40 mm', cyclic = 6, cuts = [{names}]}}")
     part = run.wholes["wheel"]
     exact = np.pi * (0.05**2 - 0.02**2) * 0.008 - 6 * np.pi * 0.005**2 * 0.008
     assert part.mesh.volume == pytest.approx(exact, rel=2e-3)
@@ -174,4 +174,4 @@ def test_a_sector_from_cad_is_meshed_alike_on_its_cuts(folder: Path) -> None:
     alone = FreeBodySolver(part.fe).modes(6).omega
     np.testing.assert_allclose(part.modes.omega[:6], alone, rtol=1e-6)
     with pytest.raises(InputError, match=r"doesn't carry one of mesh\.cuts onto the other"):
-        wheel(folder, f"{{cad = 'wedge.step', size = '24 mm', cyclic = 5, cuts = [{names}]}}").wholes["wheel"].mesh  # noqa: B018
+        wheel(folder, f"{{cad = 'wedge.step', size = '40 mm', cyclic = 5, cuts = [{names}]}}").wholes["wheel"].mesh  # noqa: B018
