@@ -154,6 +154,15 @@ def _imports(tree: ast.AST, known: frozenset[str], where: str) -> Iterator[Impor
             yield from _imports(node, known, where)
 
 
+def statements(node: ast.AST) -> Iterator[ast.stmt]:
+    """All statements inside a node, also those inside others; expressions, most of a tree, aren't walked."""
+    for field in ("body", "orelse", "finalbody", "handlers", "cases"):
+        for inner in getattr(node, field, ()):
+            if isinstance(inner, ast.stmt):
+                yield inner
+            yield from statements(inner)
+
+
 def _name_of(node: ast.AST) -> str:
     """Return the last name of what is called or asked for, as of ``module.name``."""
     return str(getattr(node, "attr", getattr(node, "id", "")))
@@ -230,7 +239,7 @@ def _loaded_with(name: str, loads: Mapping[str, set[str]]) -> set[str]:
 def classes_of_one_name(sources: Sources) -> Iterator[str]:
     places = defaultdict(list)
     for module in sources:
-        for node in ast.walk(parse(sources[module])):
+        for node in statements(parse(sources[module])):
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places[node.name].append(module)
     yield from (f"{name} is a class of {' and of '.join(at)}" for name, at in places.items() if len(at) > 1)
@@ -341,7 +350,7 @@ def assertionless_tests(sources: Sources) -> Iterator[str]:
     functions = [
         (module, node)
         for module in sources
-        for node in ast.walk(parse(sources[module]))
+        for node in statements(parse(sources[module]))
         if isinstance(node, ast.FunctionDef)
     ]
     calls = [(function.name, _calls(function)) for _, function in functions]
@@ -354,15 +363,15 @@ def assertionless_tests(sources: Sources) -> Iterator[str]:
 
 
 def _calls(function: ast.FunctionDef) -> set[str]:
-    """The names of what a function calls, without what they belong to, and the word "assert" if it holds one."""
+    """The word "assert" if a function holds one, else the names of what it calls, without what they belong to."""
+    if any(isinstance(node, ast.Assert) for node in statements(function)):
+        return {"assert"}
     called = set()
     for node in ast.walk(function):
         if isinstance(node, ast.Call):
             name = _name_of(node.func)
             called.add("assert" if name.startswith("assert_") else name)
             called |= {ast.unparse(keyword) for keyword in node.keywords if keyword.arg == "check"}
-        elif isinstance(node, ast.Assert):
-            called.add("assert")
     return called
 
 

@@ -30,8 +30,8 @@ def rod_slider() -> dict[str, float]:
 
 def beam() -> dict[str, float]:
     own = ["body.beam.mesh.divisions=[24, 2, 1]", "simulation.duration=0.2 s"]
-    finer = ["body.beam.mesh.divisions=[48, 4, 2]", "body.beam.modes.count=10", "body.beam.modes.enrich=ritz"]
-    return ratios("beam-paper", [*own, "simulation.step=40 us", PLAIN], [*finer, "simulation.step=2 us"])
+    finer = ["body.beam.mesh.divisions=[36, 4, 2]", "body.beam.modes.count=10", "body.beam.modes.enrich=ritz"]
+    return ratios("beam-paper", [*own, "simulation.step=40 us", PLAIN], [*finer, "simulation.step=5 us"])
 
 
 def enriched_beam() -> dict[str, float]:
