@@ -56,7 +56,7 @@ def test_a_reference_that_cannot_be_confirmed_stops_the_comparison():
 
 def test_the_command_writes_table_and_chart(tmp_path, capsys):
     with pytest.raises(SystemExit) as done:
-        main(["bench", "rod-slider", "--set", "simulation.duration=0.02 s", "--out", str(tmp_path), "--json"])
+        main(["bench", "rod-slider", "--set", "simulation.duration=0.01 s", "--out", str(tmp_path), "--json"])
     assert not done.value.code
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert {"integrator", "step_s", "substeps", "seconds", "error", "evaluations"} <= rows[0].keys()
