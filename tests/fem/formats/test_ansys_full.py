@@ -1,6 +1,8 @@
 """Matrices of Ansys' ``.full``: the reader's own sample, and files written here in the sample's form."""
 
 import builtins
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,12 @@ from fmd.fem.formats.matrix_readers import read_matrix
 from fmd.reduction.eigen import FreeBodySolver
 from tests.fem.formats.test_six_unknowns import SI, exact, frame, lumped
 
-examples = pytest.importorskip("ansys.mapdl.reader.examples", reason="ansys-mapdl-reader isn't installed")
+pytestmark = pytest.mark.skipif(find_spec("ansys") is None, reason="ansys-mapdl-reader isn't installed")
+
+
+def sample(name: str) -> Path:
+    """Return a file of the reader's, which takes a second to load: none is where other files' tests are collected."""
+    return Path(getattr(import_module("ansys.mapdl.reader.examples"), name))
 
 
 def record(values: Array | IntArray) -> bytes:
@@ -40,7 +47,7 @@ def full(
     n, k = len(K), len(K) // len(nodes)
     signs = np.arange(1, n + 1)
     signs[list(held)] *= -1
-    standard = np.fromfile(examples.fullfile, "<i4", 102)[2:]  # names of program and machine
+    standard = np.fromfile(sample("fullfile"), "<i4", 102)[2:]  # names of program and machine
     begin = record(np.arange(1, (kinds or k) + 1)) + record(nodes)
     bodies = [rows(K), rows(M), record(np.full(len(nodes), k)) + record(signs)]
     starts = 103 + 106 + np.cumsum([0, *(len(body) for body in (begin, *bodies))]) // 4
@@ -106,14 +113,14 @@ def test_what_is_no_free_body_in_a_full_file_is_refused_by_name(files: tuple[Pat
     refused(r"its nodes have unknowns \[1, 2, 3, 4, 5, 6, 7\]")
     path.write_bytes(b"no binary file")
     refused("can't be read as a matrix: Unable to determine endian type")
-    path.write_bytes(Path(examples.rstfile).read_bytes())
+    path.write_bytes(sample("rstfile").read_bytes())
     refused("it is another of Ansys' binary files; K and M are in .full")
 
 
 def test_the_readers_own_sample_is_refused_for_its_supports() -> None:
     """40 SOLID186 of Ansys 19.4: 21 nodes of the foot are held, and the file leaves out their rows."""
     with pytest.raises(InputError, match="63 unknowns of 21 nodes, the first 1, are held by supports"):
-        read_matrix(Path(examples.fullfile), np.arange(1, 322), 3, "stiffness")
+        read_matrix(sample("fullfile"), np.arange(1, 322), 3, "stiffness")
 
 
 def test_without_the_package_its_name_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
