@@ -34,6 +34,7 @@ from fmd.core.limits.modes import (
 from fmd.core.progress import Advance
 from fmd.reduction.block_lanczos import largest_pairs
 from fmd.reduction.factor.factor import Factor, factorise, refuse_large_search, refuse_too_large
+from fmd.reduction.factor.order import node_graph
 from fmd.reduction.free_motions import wrong_count
 from fmd.reduction.inertia_relief import (
     THIN,
@@ -410,9 +411,4 @@ def count_pieces(K: sp.csr_array, T: sp.csr_array | None = None) -> int:
         place = np.concatenate(rows), np.concatenate(columns)
         graph = sp.coo_array((np.ones(len(place[0])), place), shape=(sum(T.shape),) * 2)
         return int(connected_components(graph, directed=False, return_labels=False))
-    # Strongly connected parts are connected ones where the pattern is symmetric, and take no transpose.
-    _, piece = connected_components(K, directed=True, connection="strong")
-    x, y, z = piece.reshape(-1, 3).T
-    n = int(piece.max()) + 1
-    within = sp.coo_array((np.ones(2 * len(x)), (np.r_[x, x], np.r_[y, z])), shape=(n, n))
-    return int(connected_components(within, directed=False, return_labels=False))
+    return int(connected_components(node_graph(K, 3)[0], directed=False, return_labels=False))

@@ -14,6 +14,7 @@ FEW_ENTRIES = 5_000_000  # the same of a small mesh, times its nodes, of which t
 SMALL_SYSTEM = 6000  # unknowns, below which SciPy's SuperLU with an order of its own is as fast as any
 # Entries of 3 × 3 blocks for each nonzero of A, from which on nodes begin within blocks: 1.00 to 1.06 where they don't.
 SHIFTED_BLOCKS = 1.2
+MOST_COUPLED = 10.0  # times the mean of nodes' couplings: a node with more, as of a rigid face, covers no others
 # Zeros, for each of which a factor's front becomes part of another: a front more takes as long as a few thousand.
 FRONT_ZEROS, SHARE_OF_ZEROS = 4000, 0.05
 # Of a front, columns in a panel and rows in a tile, which the kernels' text has one by one; columns in a block, whole

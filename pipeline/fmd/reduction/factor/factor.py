@@ -11,14 +11,12 @@ from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.memory import (
     BYTES_FOR_CHOLMOD,
     BYTES_FOR_FRONTS,
-    SHIFTED_BLOCKS,
     SMALL_SYSTEM,
     VECTORS_BESIDE,
     VECTORS_OF_BLOCK,
@@ -27,28 +25,7 @@ from fmd.core.limits.memory import (
 from fmd.core.memory import available_memory
 from fmd.core.threads import one_thread
 from fmd.reduction.factor.figures import FactorFigures
-
-
-def node_blocks(A: sp.csr_array) -> sp.bsr_array:
-    """Return a matrix by blocks of three unknowns a node, or of one where supports have shifted nodes against them."""
-    if A.shape[0] % 3 == 0:
-        blocks = A.tobsr((3, 3))
-        if 9 * len(blocks.indices) < SHIFTED_BLOCKS * A.nnz:
-            return blocks
-    return A.tobsr((1, 1))
-
-
-def node_graph(blocks: sp.bsr_array) -> sp.csr_array:
-    """Graph of the nodes that a matrix couples; symmetric, without loops.
-
-    Differences of matrices drop entries that come out as zero, and round-off may leave one of a pair: it couples, too.
-    """
-    rows = np.repeat(np.arange(len(blocks.indptr) - 1), np.diff(blocks.indptr))
-    apart = rows != blocks.indices
-    ends = np.concatenate([[0], np.cumsum(apart)])[blocks.indptr].astype(blocks.indptr.dtype)
-    ones = np.ones(int(ends[-1]), dtype=np.float32)
-    graph = sp.csr_array((ones, blocks.indices[apart], ends), (len(ends) - 1,) * 2)
-    return sp.csr_array(graph.maximum(graph.T))
+from fmd.reduction.factor.order import fill_reducing_order, superlu
 
 
 def factor_nonzeros(counts: IntArray, size: int = 1) -> int:
@@ -103,45 +80,26 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
         raise MissingSolverError("cvxopt, which brings CHOLMOD, is not installed: pip install cvxopt, or use 'auto'")
     n = A.shape[0]
     if solver == "auto" and n < SMALL_SYSTEM:
-        factor = _superlu(A)
+        factor = superlu(A)
         nonzeros = (factor.nnz + n) // 2
         return Factor(factor.solve, FactorFigures("SuperLU", "MMD", n, nonzeros, int(_BYTES["SuperLU"] * nonzeros)))
     A = sp.csr_array(A)
-    graph, nodes, size, name = _ordered(A)
+    order = fill_reducing_order(A)
     from fmd.reduction.factor import multifrontal as own
     from fmd.reduction.factor.panels import LANES
 
-    counts, parent = own.elimination_tree(graph)
-    nonzeros = factor_nonzeros(counts, size)
+    counts, parent = own.elimination_tree(order.graph)
+    nonzeros = factor_nonzeros(counts, order.size)
     if solver == "cholesky":
-        figures = FactorFigures("CHOLMOD", name, n, nonzeros, int(_BYTES["CHOLMOD"] * nonzeros))
+        figures = FactorFigures("CHOLMOD", order.name, n, nonzeros, int(_BYTES["CHOLMOD"] * nonzeros))
         _refuse_too_large(figures, BYTES_FOR_CHOLMOD * A.nnz)
-        return Factor(_cholmod(A, _unknowns(nodes, size)), figures)
-    again, fronts = own.plan_fronts(graph, counts, parent, size)
-    figures = FactorFigures("multifrontal", name, n, nonzeros, 8 * sum(front.entries for front in fronts))
+        return Factor(_cholmod(A, order.unknowns), figures)
+    again, fronts = own.plan_fronts(order, counts, parent)
+    figures = FactorFigures("multifrontal", order.name, n, nonzeros, 8 * sum(front.entries for front in fronts))
     stack = own.plan_stack(fronts)
     _refuse_too_large(figures, 8.0 * (stack[1] + own.widest_columns(fronts)) + BYTES_FOR_FRONTS * A.nnz)
     with one_thread():
-        return Factor(own.factorise_fronts(A, _unknowns(nodes[again], size), fronts, stack), figures, at_once=LANES)
-
-
-def _unknowns(nodes: IntArray, size: int) -> IntArray:
-    """Places of the unknowns of nodes, ``size`` each."""
-    return np.asarray((size * nodes.astype(np.int64)[:, None] + np.arange(size)).ravel())
-
-
-def _ordered(A: sp.csr_array) -> tuple[sp.csr_array, IntArray, int, str]:
-    """Return the graph of the nodes in a fill-reducing order, this order, a node's unknowns, and the order's name."""
-    blocks = node_blocks(A)
-    graph = node_graph(blocks)
-    if find_spec("pymetis") is not None and graph.nnz:
-        import pymetis
-
-        name, order = "METIS", np.array(pymetis.nested_dissection(pymetis.CSRAdjacency(graph.indptr, graph.indices))[0])
-    else:  # SuperLU's minimum degree, by a factorisation of the graph: 1/27 of the work
-        dominant = sp.csc_array(graph + sp.diags_array(graph.sum(axis=0) + 1.0))
-        name, order = "MMD", np.argsort(_superlu(dominant).perm_c)
-    return sp.csr_array(graph[order][:, order]), order, blocks.blocksize[0], name
+        return Factor(own.factorise_fronts(A, order.unknowns[again], fronts, stack), figures, at_once=LANES)
 
 
 def _refuse_too_large(figures: FactorFigures, beside: float) -> None:
@@ -196,8 +154,3 @@ def _cholmod(A: sp.csr_array, order: IntArray) -> Callable[[Array], Array]:
         return np.array(x).reshape(f.shape)
 
     return solve
-
-
-def _superlu(A: Any) -> Any:
-    """Factorise a symmetric matrix by SuperLU, without leaving the diagonal for pivots."""
-    return splu(sp.csc_array(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

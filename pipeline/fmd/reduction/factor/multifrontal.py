@@ -21,7 +21,9 @@ from fmd.core.limits.memory import FRONT_ZEROS, SHARE_OF_ZEROS
 from fmd.core.limits.modes import SINGULAR
 from fmd.kernels.kernel import inlined, kernel
 from fmd.kernels.table import aligned
+from fmd.reduction.factor.order import Order, unknowns_of
 from fmd.reduction.factor.panels import LANES, pack_front, packed_entries, padded, solve_fronts
+from fmd.reduction.inertia_relief import THIN
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,19 +54,22 @@ def elimination_tree(graph: sp.csr_array) -> tuple[IntArray, IntArray]:
     return counts, parent
 
 
-def plan_fronts(graph: sp.csr_array, counts: IntArray, parent: IntArray, size: int) -> tuple[IntArray, list[Front]]:
+def plan_fronts(order: Order, counts: IntArray, parent: IntArray) -> tuple[IntArray, list[Front]]:
     """Plan the fronts of a matrix; small ones become part of their parents where that costs a few zeros.
 
-    The graph (n_nodes, n_nodes) is of nodes of ``size`` unknowns that the matrix couples, in an order that fills in
-    little; each has the entries of its column of the factor, and its parent in the elimination tree, -1 of a root.
-    Returned are an order (n_nodes,) that fills in as little and has each front's nodes together, and the fronts by
-    unknowns in this order, each after its children.
+    Its nodes have an order that fills in little, each the entries of its column of the factor, and its parent in the
+    elimination tree, -1 of a root. A front begins as a group of nodes, whose last one is coupled to all that the others
+    are. Returned are an order of the unknowns in that order (n,) that fills in as little and has each front's together,
+    and the fronts by unknowns in this order, each after its children.
     """
-    n, few = graph.shape[0], FRONT_ZEROS // size**2
-    heights, widths = counts.tolist(), [1] * n
-    members: list[list[int]] = [[node] for node in range(n)]
+    graph, size, ends = order.graph, order.size, order.ends
+    n, few = len(ends), FRONT_ZEROS // size**2
+    begins, own = np.append(0, ends[:-1] + 1), np.diff(ends, prepend=-1)
+    group = np.append(np.repeat(np.arange(n), own), -1)
+    heights, widths = (counts[ends] + own - 1).tolist(), own.tolist()
+    members: list[list[int]] = [[k] for k in range(n)]
     children: list[list[int]] = [[] for _ in range(n)]
-    for node, above in enumerate(parent.tolist()):
+    for node, above in enumerate(group[parent[ends]].tolist()):
         kept: list[int] = []
         for child in sorted(children[node], key=heights.__getitem__, reverse=True):
             height, width = heights[node] + widths[child], widths[node] + widths[child]
@@ -79,28 +84,32 @@ def plan_fronts(graph: sp.csr_array, counts: IntArray, parent: IntArray, size: i
         children[node] = kept
         if above >= 0:
             children[above].append(node)
-    sequence, waiting = [], np.flatnonzero(parent < 0).tolist()
+    sequence, waiting = [], np.flatnonzero(parent[ends] < 0).tolist()
     while waiting:  # parents before children, and then turned around
         sequence.append(waiting.pop())
         waiting += children[sequence[-1]]
     sequence.reverse()
-    order = np.concatenate([members[node] for node in sequence])
-    place = np.empty(n, dtype=np.int64)
-    place[order] = np.arange(n)
+    groups = np.concatenate([members[node] for node in sequence])
+    behind = np.cumsum(own[groups])
+    nodes = np.repeat(begins[groups] + own[groups] - behind, own[groups]) + np.arange(len(parent))
+    place = np.empty(len(parent), dtype=np.int64)
+    place[nodes] = np.arange(len(place))
+    coupled = graph[ends[groups]]
+    columns = place[coupled.indices]
     fronts: list[Front] = []
     rows_below: dict[int, IntArray] = {}
     number: dict[int, int] = {}
-    first = 0
+    first = done = 0
     for node in sequence:
-        last = first + widths[node]
-        coupled = [place[graph.indices[graph.indptr[m] : graph.indptr[m + 1]]] for m in members[node]]
-        rows = np.unique(np.concatenate([*coupled, *(rows_below.pop(child) for child in children[node])]))
-        rows_below[node] = rows = rows[np.searchsorted(rows, last) :]
-        below = (size * rows[:, None] + np.arange(size)).ravel()
+        last, end = first + widths[node], done + len(members[node])
+        own_rows = columns[coupled.indptr[done] : coupled.indptr[end]]
+        rows = np.concatenate([own_rows, *(rows_below.pop(child) for child in children[node])])
+        rows_below[node] = rows = np.unique(rows[rows >= last])
         number[node] = len(fronts)
+        below = unknowns_of(rows, size)
         fronts.append(Front(size * first, size * widths[node], below, tuple(number[c] for c in children[node])))
-        first = last
-    return order, fronts
+        first, done = last, end
+    return unknowns_of(nodes, size), fronts
 
 
 def plan_stack(fronts: Sequence[Front]) -> tuple[list[int], int]:
@@ -181,7 +190,7 @@ def factorise_fronts(
     if not shares[worst] > SINGULAR:
         raise AccuracyError(
             f"the shifted stiffness is singular to round-off: pivot {worst + 1} of its factor is {shares[worst]:.1e} "
-            f"of its diagonal, which has to be above {SINGULAR:.0e}"
+            f"of its diagonal, which has to be above {SINGULAR:.0e}, {THIN}"
         )
     below = np.cumsum([0, *(len(front.below) for front in fronts)])
     rows = np.concatenate([front.below for front in fronts])
