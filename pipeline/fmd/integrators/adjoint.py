@@ -9,7 +9,7 @@ of a method that chooses its steps it holds the states at which all of them begi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import singledispatch
 from typing import Any
 
@@ -28,6 +28,7 @@ from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants
 from fmd.dynamics.compiled_system.tangents import Direction, system_along, tabulate_variants
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.signal_code import load_signals
+from fmd.dynamics.compiler.turns import make_turns
 from fmd.integrators.fixed_step import locate_samples
 from fmd.integrators.protocol import Integrator
 from fmd.kernels.kernel import inlined, kernel
@@ -211,6 +212,7 @@ def pull_back(
     system = system_along(system, directions)
     output = [np.ascontiguousarray(x, dtype=float) for x in (times, by_q, by_v)]
     sums, p = Sums(system, directions), system.parameters
+    p = replace(p, turns=make_turns(p.quaternions, "", "_back"))
     dq, dv, left = take_back(method, WeightedMarch(system, p, q0, v0, *output), sums)
     found = np.asarray(sums.found + [dq @ each.q + dv @ each.v for each in directions])
     if not np.isfinite(found).all():

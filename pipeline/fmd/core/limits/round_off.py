@@ -3,8 +3,4 @@
 EXACT = 1e-14  # of what a few operations give: coordinates, products, differences of read numbers
 SUMMED = 1e-12  # of sums of many terms: products of matrices, integrals, turns of axes
 SOLVED = 1e-9  # of what equations or eigenproblems were solved for, and of places of nodes in meshes
-
-# Half the angle by which a unit quaternion turns in a step [rad].
-NO_TURN = 1e-12  # below, its sine over itself and its cosine are 1 to round-off, and 0/0 is spared
-SMALL_TURN = 1e-3  # below, their derivative is by two terms of its series, to 1e-15: their difference loses digits
 ENLARGED = 2.0**40  # times multipliers that move positions: forces as large as those of accelerations, or larger

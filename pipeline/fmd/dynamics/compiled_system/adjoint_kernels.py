@@ -11,13 +11,11 @@ kept with its weights: the sum's derivative by whatever else is in them follows 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.round_off import NO_TURN, SMALL_TURN
 from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import CompiledParameters, TreeParameters
 from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, copy, take_state
@@ -234,7 +232,9 @@ def advance_back(p: CompiledParameters, q: Array, v: Array, h: float, dq: Array,
         if p.position[i] >= 0:
             dv[i] += h * dq[p.position[i]]
     for k in range(p.quaternions.shape[0]):
-        _turn_back(q, p.quaternions[k, 1], v, p.quaternions[k, 0], h, dq, dv)
+        turn, at = p.quaternions[k, 0], p.quaternions[k, 1]
+        p.turns.step[0] = h
+        call_native(p.turns.turn_back, (p.turns.step, q[at:], v[turn:], dq[at:], dq[at:], dv[turn:]))
 
 
 @inlined
@@ -248,50 +248,5 @@ def velocities_back(p: CompiledParameters, q: Array, v: Array, weights: Array, d
         if p.position[i] >= 0:
             dv[i] += weights[p.position[i]]
     for k in range(p.quaternions.shape[0]):
-        _rate_back(q, p.quaternions[k, 1], v, p.quaternions[k, 0], weights, dq, dv)
-
-
-@inner
-def _rate_back(q: Array, at: int, v: Array, turn: int, weights: Array, dq: Array, dv: Array) -> None:
-    """Transpose the derivative of a unit quaternion's rate ``½ e∘(ω, 0)``."""
-    wx, wy, wz = 0.5 * v[turn], 0.5 * v[turn + 1], 0.5 * v[turn + 2]
-    x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]
-    d0, d1, d2, d3 = weights[at], weights[at + 1], weights[at + 2], weights[at + 3]
-    dq[at] += wy * d2 - wz * d1 - wx * d3
-    dq[at + 1] += wz * d0 - wx * d2 - wy * d3
-    dq[at + 2] += wx * d1 - wy * d0 - wz * d3
-    dq[at + 3] += wx * d0 + wy * d1 + wz * d2
-    dv[turn] += 0.5 * (w * d0 + z * d1 - y * d2 - x * d3)
-    dv[turn + 1] += 0.5 * (w * d1 - z * d0 + x * d2 - y * d3)
-    dv[turn + 2] += 0.5 * (y * d0 - x * d1 + w * d2 - z * d3)
-
-
-@inner
-def _turn_back(q: Array, at: int, v: Array, turn: int, h: float, dq: Array, dv: Array) -> None:
-    """Transpose the derivative of a unit quaternion's turn: ``e∘(s u, c)`` with ``u = ½ h ω``, s and c of its size."""
-    ux, uy, uz = 0.5 * h * v[turn], 0.5 * h * v[turn + 1], 0.5 * h * v[turn + 2]
-    size = math.sqrt(ux * ux + uy * uy + uz * uz)
-    s, c = (math.sin(size) / size, math.cos(size)) if size > NO_TURN else (1.0, 1.0)
-    # Of s, by half the size squared.
-    bend = (c - s) / (size * size) if size > SMALL_TURN else -1.0 / 3.0 + size * size / 30.0
-    x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]
-    tx, ty, tz = s * ux, s * uy, s * uz
-    e0, e1 = w * tx + y * tz - z * ty + x * c, w * ty - x * tz + z * tx + y * c
-    e2, e3 = w * tz + x * ty - y * tx + z * c, w * c - x * tx - y * ty - z * tz
-    norm = 1.0 / math.sqrt(e0 * e0 + e1 * e1 + e2 * e2 + e3 * e3)
-    e0, e1, e2, e3 = norm * e0, norm * e1, norm * e2, norm * e3
-    out = e0 * dq[at] + e1 * dq[at + 1] + e2 * dq[at + 2] + e3 * dq[at + 3]
-    d0, d1 = norm * (dq[at] - out * e0), norm * (dq[at + 1] - out * e1)
-    d2, d3 = norm * (dq[at + 2] - out * e2), norm * (dq[at + 3] - out * e3)
-    dq[at] = c * d0 - tz * d1 + ty * d2 - tx * d3
-    dq[at + 1] = tz * d0 + c * d1 - tx * d2 - ty * d3
-    dq[at + 2] = -ty * d0 + tx * d1 + c * d2 - tz * d3
-    dq[at + 3] = tx * d0 + ty * d1 + tz * d2 + c * d3
-    by_x = w * d0 + z * d1 - y * d2 - x * d3
-    by_y = -z * d0 + w * d1 + x * d2 - y * d3
-    by_z = y * d0 - x * d1 + w * d2 - z * d3
-    by_c = x * d0 + y * d1 + z * d2 + w * d3
-    along = bend * (by_x * ux + by_y * uy + by_z * uz) - s * by_c
-    dv[turn] += 0.5 * h * (s * by_x + along * ux)
-    dv[turn + 1] += 0.5 * h * (s * by_y + along * uy)
-    dv[turn + 2] += 0.5 * h * (s * by_z + along * uz)
+        turn, at = p.quaternions[k, 0], p.quaternions[k, 1]
+        call_native(p.turns.rate_back, (p.turns.step, q[at:], v[turn:], weights[at:], dq[at:], dv[turn:]))

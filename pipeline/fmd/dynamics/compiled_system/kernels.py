@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from fmd.core.arrays import Array
-from fmd.core.limits.round_off import NO_TURN
 from fmd.dynamics.compiled_system.parameters import CompiledParameters, Leapfrog, TreeParameters
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, project, project_onto_constraints, velocities
 from fmd.kernels.kernel import inlined
@@ -75,8 +73,10 @@ def _advance(p: CompiledParameters, q: Array, v: Array, h: float, first: int, la
         if p.position[i] >= 0:
             q[p.position[i]] += h * v[i]
     for k in range(p.quaternions.shape[0]):
-        if first <= p.quaternions[k, 0] < last:
-            _advance_quaternion(q, p.quaternions[k, 1], v, p.quaternions[k, 0], h)
+        turn, at = p.quaternions[k, 0], p.quaternions[k, 1]
+        if first <= turn < last:
+            p.turns.step[0] = h
+            call_native(p.turns.turn, (p.turns.step, q[at:], v[turn:], q[at:]))
 
 
 @velocities.register(CompiledParameters)
@@ -89,31 +89,5 @@ def _velocities(p: CompiledParameters, q: Array, v: Array, dq: Array) -> None:
         if p.position[i] >= 0:
             dq[p.position[i]] = v[i]
     for k in range(p.quaternions.shape[0]):
-        quaternion_rate(q, p.quaternions[k, 1], v, p.quaternions[k, 0], dq)
-
-
-@inlined
-def quaternion_rate(q: Array, at: int, v: Array, turn: int, dq: Array) -> None:
-    """``½ e ∘ (ω, 0)`` for rates ω about the body's own axes."""
-    wx, wy, wz = 0.5 * v[turn], 0.5 * v[turn + 1], 0.5 * v[turn + 2]
-    x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]
-    dq[at] = w * wx + y * wz - z * wy
-    dq[at + 1] = w * wy - x * wz + z * wx
-    dq[at + 2] = w * wz + x * wy - y * wx
-    dq[at + 3] = -x * wx - y * wy - z * wz
-
-
-@inlined
-def _advance_quaternion(q: Array, at: int, v: Array, turn: int, h: float) -> None:
-    """Turn the unit quaternion at ``q[at]`` by h times the body's own rates; the only place where one changes."""
-    wx, wy, wz = 0.5 * h * v[turn], 0.5 * h * v[turn + 1], 0.5 * h * v[turn + 2]
-    size = math.sqrt(wx * wx + wy * wy + wz * wz)
-    s, c = (math.sin(size) / size, math.cos(size)) if size > NO_TURN else (1.0, 1.0)
-    wx, wy, wz = s * wx, s * wy, s * wz
-    x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]
-    e0 = w * wx + x * c + y * wz - z * wy
-    e1 = w * wy - x * wz + y * c + z * wx
-    e2 = w * wz + x * wy - y * wx + z * c
-    e3 = w * c - x * wx - y * wy - z * wz
-    norm = 1.0 / math.sqrt(e0 * e0 + e1 * e1 + e2 * e2 + e3 * e3)
-    q[at], q[at + 1], q[at + 2], q[at + 3] = norm * e0, norm * e1, norm * e2, norm * e3
+        turn, at = p.quaternions[k, 0], p.quaternions[k, 1]
+        call_native(p.turns.rate, (p.turns.step, q[at:], v[turn:], dq[at:]))

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from fmd.core.arrays import Array, IntArray
+from fmd.dynamics.compiler.turns import Turns
 from fmd.kernels.table import Table
 
 
@@ -16,6 +17,7 @@ class CompiledParameters(Table):
     clock: Array  # (2,): the time that the inputs are of, and one for which others are evaluated [s]
     position: IntArray  # (n,): position that each rate moves, -1 for a rotation in space
     quaternions: IntArray  # (n_rotations, 2): first rate and first position of each rotation in space
+    turns: Turns
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ from fmd.dynamics.compiler.closures import scale_rows
 from fmd.dynamics.compiler.middle import find_pattern
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.signal_code import are_smooth
+from fmd.dynamics.compiler.turns import make_turns
 from fmd.dynamics.elements import PointSpring
 from fmd.dynamics.law_pieces import PiecewiseLaw, find_piecewise_laws
 from fmd.dynamics.mechanism import Mechanism
@@ -124,7 +125,8 @@ class CompiledSystem(ReferenceState):
             "inputs": np.concatenate([np.zeros(3 * len(self.compiled.signals)), self.compiled.numbers]),
             "clock": np.full(2, np.nan),
             "position": self.mechanism.position_of_rates,
-            "quaternions": np.array(quaternions, dtype=np.int64).reshape(-1, 2),
+            "quaternions": (places := np.array(quaternions, dtype=np.int64).reshape(-1, 2)),
+            "turns": make_turns(places, ""),
         }
         if not rows:
             return TreeParameters(**own)

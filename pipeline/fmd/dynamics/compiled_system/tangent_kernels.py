@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.round_off import NO_TURN, SMALL_TURN
-from fmd.dynamics.compiled_system.kernels import quaternion_rate, take_leap
+from fmd.dynamics.compiled_system.kernels import take_leap
 from fmd.dynamics.compiled_system.parameters import Leapfrog
 from fmd.dynamics.compiler.program import LANES
+from fmd.dynamics.compiler.turns import Turns
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, project_onto_constraints, velocities
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.table import Table
@@ -59,6 +58,7 @@ class TangentParameters(Table):
     clock: Array  # (2,): the time that the inputs are of, and one for which others are evaluated [s]
     position: IntArray  # (n,): position that each rate moves, -1 for a rotation in space
     quaternions: IntArray  # (n_rotations, 2): first rate and first position of each rotation in space
+    turns: Turns
     multiplier: Array  # (n_rows,): that act, or that have moved positions
     dr: Array  # (n, 8): what the residual changes by where more than inputs change
     variants: MechanismVariants
@@ -161,7 +161,10 @@ def _advance(p: TangentParameters, q: Array, v: Array, h: float, first: int, las
             for lane in range(LANES):
                 q[to + lane] += h * v[at + lane]
     for k in range(p.quaternions.shape[0]):
-        _advance_quaternion(p, q, p.quaternions[k, 1], v, p.quaternions[k, 0], h)
+        turn, at = p.quaternions[k, 0], p.quaternions[k, 1]
+        of, to = p.n_lines + LANES * turn, p.n_position_lines + LANES * at
+        p.turns.step[0] = h
+        call_native(p.turns.turn_tangents, (p.turns.step, q[at:], v[turn:], q[to:], v[of:], q[at:], q[to:]))
 
 
 @velocities.register(TangentParameters)
@@ -177,53 +180,7 @@ def _velocities(p: TangentParameters, q: Array, v: Array, dq: Array) -> None:
             for lane in range(LANES):
                 dq[to + lane] = v[at + lane]
     for k in range(p.quaternions.shape[0]):
-        at, turn = p.quaternions[k, 1], p.quaternions[k, 0]
-        quaternion_rate(q, at, v, turn, dq)
-        for lane in range(LANES):
-            _quaternion_rate_along(p, q, at, v, turn, dq, lane)
-
-
-@inlined
-def _quaternion_rate_along(p: TangentParameters, q: Array, at: int, v: Array, turn: int, dq: Array, lane: int) -> None:
-    """``½ (δe ∘ (ω, 0) + e ∘ (δω, 0))``."""
-    to, of = p.n_position_lines + LANES * at + lane, p.n_lines + LANES * turn + lane
-    wx, wy, wz = 0.5 * v[turn], 0.5 * v[turn + 1], 0.5 * v[turn + 2]
-    ux, uy, uz = 0.5 * v[of], 0.5 * v[of + LANES], 0.5 * v[of + 2 * LANES]
-    x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]
-    dx, dy, dz, dw = q[to], q[to + LANES], q[to + 2 * LANES], q[to + 3 * LANES]
-    dq[to] = dw * wx + dy * wz - dz * wy + w * ux + y * uz - z * uy
-    dq[to + LANES] = dw * wy - dx * wz + dz * wx + w * uy - x * uz + z * ux
-    dq[to + 2 * LANES] = dw * wz + dx * wy - dy * wx + w * uz + x * uy - y * ux
-    dq[to + 3 * LANES] = -dx * wx - dy * wy - dz * wz - x * ux - y * uy - z * uz
-
-
-@inlined
-def _advance_quaternion(p: TangentParameters, q: Array, at: int, v: Array, turn: int, h: float) -> None:
-    """Turn the unit quaternion at ``q[at]`` by h times the body's own rates, and its tangents with it."""
-    wx, wy, wz = 0.5 * h * v[turn], 0.5 * h * v[turn + 1], 0.5 * h * v[turn + 2]
-    size = math.sqrt(wx * wx + wy * wy + wz * wz)
-    s, c = (math.sin(size) / size, math.cos(size)) if size > NO_TURN else (1.0, 1.0)
-    # Of s, by half the size squared.
-    bend = (c - s) / (size * size) if size > SMALL_TURN else -1.0 / 3.0 + size * size / 30.0
-    x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]
-    e0 = s * (w * wx + y * wz - z * wy) + x * c
-    e1 = s * (w * wy - x * wz + z * wx) + y * c
-    e2 = s * (w * wz + x * wy - y * wx) + z * c
-    e3 = w * c - s * (x * wx + y * wy + z * wz)
-    norm = 1.0 / math.sqrt(e0 * e0 + e1 * e1 + e2 * e2 + e3 * e3)
-    e0, e1, e2, e3 = norm * e0, norm * e1, norm * e2, norm * e3
-    for lane in range(LANES):
-        to, of = p.n_position_lines + LANES * at + lane, p.n_lines + LANES * turn + lane
-        ux, uy, uz = 0.5 * h * v[of], 0.5 * h * v[of + LANES], 0.5 * h * v[of + 2 * LANES]
-        along = wx * ux + wy * uy + wz * uz
-        tx, ty, tz, tc = s * ux + bend * along * wx, s * uy + bend * along * wy, s * uz + bend * along * wz, -s * along
-        dx, dy, dz, dw = q[to], q[to + LANES], q[to + 2 * LANES], q[to + 3 * LANES]
-        d0 = w * tx + y * tz - z * ty + x * tc + s * (dw * wx + dy * wz - dz * wy) + dx * c
-        d1 = w * ty - x * tz + z * tx + y * tc + s * (dw * wy - dx * wz + dz * wx) + dy * c
-        d2 = w * tz + x * ty - y * tx + z * tc + s * (dw * wz + dx * wy - dy * wx) + dz * c
-        d3 = w * tc - x * tx - y * ty - z * tz - s * (dx * wx + dy * wy + dz * wz) + dw * c
-        d0, d1, d2, d3 = norm * d0, norm * d1, norm * d2, norm * d3
-        out = e0 * d0 + e1 * d1 + e2 * d2 + e3 * d3
-        q[to], q[to + LANES] = d0 - out * e0, d1 - out * e1
-        q[to + 2 * LANES], q[to + 3 * LANES] = d2 - out * e2, d3 - out * e3
-    q[at], q[at + 1], q[at + 2], q[at + 3] = e0, e1, e2, e3
+        turn, at = p.quaternions[k, 0], p.quaternions[k, 1]
+        of, to = p.n_lines + LANES * turn, p.n_position_lines + LANES * at
+        along = (p.turns.step, q[at:], v[turn:], q[to:], v[of:], dq[at:], dq[to:])
+        call_native(p.turns.rate_tangents, along)

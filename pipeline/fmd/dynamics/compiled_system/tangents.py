@@ -25,6 +25,7 @@ from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, Tang
 from fmd.dynamics.compiler.compiled import CompiledMechanism
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.signal_code import load_signals
+from fmd.dynamics.compiler.turns import make_turns
 from fmd.dynamics.law_pieces import PiecewiseLaw
 from fmd.dynamics.signals.signal import Signal
 from fmd.dynamics.step_bounds import StepBounds
@@ -173,6 +174,7 @@ class TangentSystem(PlainSystem):
             "clock": np.full(2, np.nan),
             "position": own.position.copy(),
             "quaternions": own.quaternions.copy(),
+            "turns": make_turns(own.quaternions, "_tangents"),
             "multiplier": np.zeros(max(len(compiled.rows), 1)),
             "dr": np.zeros((self._system.n, LANES)),
             "variants": tabulate_variants(self._system, self._directions),
