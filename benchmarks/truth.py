@@ -8,7 +8,8 @@ seeds, ``--seed 7`` one, and ``--mixed 40`` the first forty scenes with features
 counted.
 
 A quantity is *covered* if its true error is below the stated one, *wrong* if it is more than three times as large, and
-*overstated* if it is less than a twentieth. What is known of the reference's own error is taken off first; where that
+*overstated* if it is less than a twentieth; both are shares of the same value, the run's or the better one, which of
+the two is larger. What is known of the reference's own error is taken off first; where that
 decides, a quantity isn't judged. Where the reference is a finer run, it has the same model: the model's part of what is
 stated is left out then, and joints and markers are compared, too. A scene's row has the quantity that is worst.
 """
@@ -27,10 +28,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from table_format import write_rows
-from true_errors import true_errors
+from true_errors import compared_quantities
 from truth_beams import beams_reference
 from truth_features import pairwise_coverage
 from truth_finer import finer_run
@@ -114,15 +116,18 @@ def run_case(case: Case, folder: Path) -> tuple[Row, Pipeline | None]:
 
 
 def reference_errors(case: Case, run: Pipeline, file: Path) -> dict[str, tuple[float, float]]:
-    """Return the true error of each quantity, and the reference's own."""
+    """Return the true error of each quantity, and the reference's own, in the quantity's unit."""
     if case.kind not in APART:
-        return {
-            name: (error, 0.0) for name, error in true_errors(run, finer_run(file, case, run), details=True).items()
-        }
+        pairs = compared_quantities(run, finer_run(file, case, run), details=True)
+        return {name: (own.error(exact) * exact.scale, 0.0) for name, (own, exact) in pairs.items()}
     exact, off = APART[case.kind](case)
     ours = motion_quantities(run.motion, run.fine_motion) | detail_quantities(run.scene, run.motion)
     ours |= stress_quantities(run, run.motion, np.arange(len(run.motion.times)))
-    return {name: (ours[name].error(each), off[name]) for name, each in exact.items() if is_compared(each, ours)}
+    return {
+        name: (ours[name].error(each) * each.scale, off[name] * each.scale)
+        for name, each in exact.items()
+        if is_compared(each, ours)
+    }
 
 
 def is_compared(quantity: Quantity, ours: dict[str, Quantity]) -> bool:
@@ -145,6 +150,7 @@ def judge(case: Case, folder: Path, told: Callable[[Row], None] = lambda row: No
     row.said = "; ".join(budget.left_out)
     rows = (*budget.rows, *budget.details)
     stated = {each.name: each.total if case.kind in APART else each.numerical for each in rows}
+    whole = {each.name: max(each.value, each.value + each.correction) for each in rows}  # what they are shares of
     open_ = {each.name for each in rows if any(is_open(part) for part in each.parts.values())}
     try:
         true = reference_errors(case, run, folder / f"truth-{case.seed}.toml")
@@ -152,9 +158,10 @@ def judge(case: Case, folder: Path, told: Callable[[Row], None] = lambda row: No
         row.outcome, row.said = "no reference", f"{type(error).__name__}: {error}"
         return row
     worst, ratios = -1.0, []
-    for name, (error, off) in true.items():
-        if error <= ROUND_OFF or name not in stated:
+    for name, (size, off_size) in true.items():
+        if name not in stated or size <= ROUND_OFF * whole[name]:
             continue
+        error, off = (each / (whole[name] or size) for each in (size, off_size))
         if name in open_:
             row.bounded += 1
             continue
@@ -221,7 +228,7 @@ def read_table() -> dict[int, Row]:
     """Return the rows that the table holds, by their seeds."""
     if not TABLE.exists():
         return {}
-    kinds = {field.name: {"int": int, "float": float, "str": str}[str(field.type)] for field in fields(Row)}
+    kinds: dict[str, Any] = {field.name: field.type for field in fields(Row)}
     with TABLE.open(newline="") as file:
         rows = [Row(**{name: kinds[name](text) for name, text in row.items()}) for row in csv.DictReader(file)]
     return {row.seed: row for row in rows}
@@ -235,7 +242,6 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--mixed", type=int, default=0)
     parser.add_argument("--again", action="store_true")
     options = parser.parse_args(arguments)
-    time.perf_counter = time.process_time  # of marches and stages too: others may use the machine
     rows, seeds = read_table(), options.seed or range(options.scenes)
     if options.mixed:
         seeds = range(MIXED, MIXED + options.mixed)

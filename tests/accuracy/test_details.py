@@ -14,7 +14,7 @@ from fmd.accuracy.error_budget import state_errors
 from fmd.accuracy.error_estimates import OTHER_LOOPS, Quantity
 from fmd.accuracy.estimators import Estimates
 from fmd.accuracy.missed_peaks import largest_between
-from fmd.accuracy.quantities import motion_quantities
+from fmd.accuracy.quantities import motion_quantities, stress_quantities
 from fmd.core.cache import Cache
 from fmd.reduction.inertia import inertia_integrals
 
@@ -195,6 +195,19 @@ def test_a_place_goes_as_far_between_output_times_from_where_it_was_at_the_start
     exact = np.linalg.norm(fine.tip_position - fine.tip_position[0], axis=1).max()
     assert run.motion.tip_position.shape < fine.tip_position.shape
     assert exact <= largest["tip.position"] < 1.001 * exact
+    at_outputs, dense = (detail_quantities(run.scene, each)["rod.orientation"].scale for each in (run.motion, fine))
+    assert at_outputs < 0.9997 * dense < dense <= largest["rod.orientation"] < 1.001 * dense
+
+
+def test_stress_of_a_named_element_has_its_peak_between_output_times() -> None:
+    stress = 'quantities=["element_stress"], elements=["beam.spot"], components=["xx"]'
+    own = [f'output=[{{type="history", file="a.csv", {stress}}}]', "simulation.output_step=1.7 ms"]
+    own += ["body.beam.element={spot={at=['30 mm', '0 m', '0 m']}}"]
+    run = Pipeline(load_scene("beam-paper", [*QUICK, *own]), Cache(None))
+    largest, fine = largest_between(run), run.fine_motion
+    dense = stress_quantities(run, fine, np.array([0]))["beam.spot, von Mises stress"].scale
+    assert dense <= largest["beam.spot, von Mises stress"] < 1.05 * dense
+    assert largest["beam.spot.xx"] > 0.5 * dense
 
 
 def test_the_largest_stress_of_a_body_in_pieces_has_its_peak_between_output_times() -> None:

@@ -9,8 +9,12 @@ import scipy.sparse as sp
 from scipy.linalg import eigh
 
 from fmd import Pipeline, load_scene
-from fmd.accuracy.coarse_mesh import make_pair_across
+from fmd.accuracy.coarse_mesh import make_coarse_pair, make_pair_across
 from fmd.accuracy.error_budget import ERROR_BUDGET
+from fmd.accuracy.mesh_excess import find_excess
+from fmd.accuracy.quantities import match_modes
+from fmd.core.cache import Cache
+from fmd.core.limits.errors import SAFETY
 from fmd.core.rotations import rigid_motions
 from fmd.reduction.body import FlexibleBody
 
@@ -83,6 +87,26 @@ def test_the_torsion_of_few_elements_from_side_to_side_is_off_by_less_than_is_st
     true = abs(run.part.modes.frequencies_hz[0] / exact - 1)
     assert true > 0.01  # these meshes are too stiff in torsion
     assert true < stated < 5 * true
+
+
+def test_the_torsion_of_a_bar_of_one_tetrahedron_across_has_the_error_that_halved_ones_tell(tmp_path: Path) -> None:
+    """Recovered stress told half of it, and a coarser mesh, which has one across as well, less than nothing.
+
+    Both told up to twice the error of bending.
+    """
+    file = tmp_path / "bar.toml"
+    file.write_text(BAR.replace("ORDER", "2").replace("DIVISIONS", "[4, 1, 1]"))
+    meshes = ('{ element = "tetrahedron", size = "23 mm" }', "{ divisions = [24, 2, 3] }")
+    size = ["body.bar.length=0.3 m", "body.bar.width=45 mm", 'body.bar.modes={ count = 5, boundary = "joint" }']
+    run, fine = (Pipeline(load_scene(file, [*size, f"body.bar.mesh={mesh}"]), Cache(None)) for mesh in meshes)
+    part, across = run.parts["bar"], make_pair_across(run)
+    excess, _ = find_excess(part, run.bodies["bar"], make_coarse_pair(run), across)
+    true = 1 - (match_modes(part, fine.parts["bar"]).omega / part.modes.omega) ** 2
+    stated = SAFETY * np.abs(excess) / true
+    torsion = true.argmax()
+    assert true[torsion] > 0.04
+    assert stated[torsion] > 1.5
+    assert stated.max() < 3.0
 
 
 def test_time_integration_is_not_stated_exact_where_a_finer_tolerance_gives_the_same_march(tmp_path: Path) -> None:

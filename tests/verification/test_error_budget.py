@@ -1,20 +1,43 @@
 """The error budget against true errors: scenes, each against a much finer run of it."""
 
 from collections.abc import Callable
+from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
 from benchmarks.true_errors import true_errors
 from fmd import Pipeline, load_scene
 from fmd.accuracy.coarse_mesh import NO_COARSER_MESH, Pair, make_coarse_pair
-from fmd.accuracy.error_budget import ERROR_BUDGET
+from fmd.accuracy.error_budget import ERROR_BUDGET, state_errors
 from fmd.core.cache import Cache
 from fmd.output.summary import summarise
 
 ROUND_OFF = 1e-9
 AUTO = 'simulation.run=[{integrator="auto"}]'
 PLAIN = 'simulation.run=[{integrator="central-difference"}]'
+FROM_FILE = """
+title = "Bar"
+[body.bar]
+shape = "mesh"
+E = "70 GPa"
+nu = 0.33
+rho = "2700 kg/m^3"
+mesh = { file = "bar.vtu", unit = "m" }
+modes = { count = 1 }
+marker.root = { plane = "x = 0" }
+marker.tip = { plane = "x = 0.2 m" }
+[joint.clamp]
+type = "fixed"
+parent = "ground"
+child = "bar.root"
+[simulation]
+duration = "1 ms"
+output_step = "1 ms"
+tip = "bar.tip"
+run = [{ integrator = "auto" }]
+"""
 
 
 def ratios(scene: str, own: list[str], finer: list[str]) -> dict[str, float]:
@@ -98,6 +121,19 @@ def test_a_body_of_one_element_each_way_says_what_it_could_not_estimate() -> Non
     frequency = rows["beam, frequency 1"]
     assert isinstance(frequency.parts["discretisation"], float)  # from recovered stress alone
     assert frequency.parts["truncation"] == "no part in it"
+
+
+def test_the_mass_of_a_mesh_file_has_no_error(tmp_path: Path) -> None:
+    """Its shape is that of its elements, of which the file tells all; frequencies lack a coarser mesh."""
+    x, y, z = (each.ravel() for each in np.meshgrid([0.0, 0.1, 0.2], [0.0, 0.02], [0.0, 0.01], indexing="ij"))
+    first = np.array([0, 4, 6, 2, 1, 5, 7, 3])
+    meshio.write(tmp_path / "bar.vtu", meshio.Mesh(np.c_[x, y, z], [("hexahedron", np.array([first, first + 4]))]))
+    (tmp_path / "bar.toml").write_text(FROM_FILE)
+    rows = {row.name: row for row in state_errors(Pipeline(load_scene(tmp_path / "bar.toml"), Cache(None)), 1e-9).rows}
+    mass = rows["bar, mass"]
+    assert (mass.why, mass.interval) == ("", (mass.value, mass.value))
+    assert mass.value == pytest.approx(2700 * 0.2 * 0.02 * 0.01)
+    assert rows["bar, frequency 1"].why
 
 
 def test_few_curved_elements_have_a_coarser_mesh_that_can_be_meshed_and_tells_of_the_volume() -> None:

@@ -45,6 +45,11 @@ class Pair:
         """Return true if a body's meshes differ."""
         return self.coarse.parts[name].mesh.n_cells != self.run.parts[name].mesh.n_cells
 
+    def is_finer_each_way(self, name: str) -> bool:
+        """Return true if the other mesh of a body divides it more in all directions: of tetrahedra."""
+        own, other = self.run.parts[name].mesh, self.coarse.parts[name].mesh
+        return own.cell_type.startswith("tetra") and other.n_cells > own.n_cells
+
     def excess_of_modes(self, name: str) -> tuple[Array, NDArray[np.bool_]]:
         """Return the relative excess of the squares of a part's frequencies, and which modes have a match, (n,) each.
 

@@ -106,7 +106,7 @@ class Comparison:
         """Raise ``LeftOutError`` if a part of the time that the run's mesh and modes took isn't left."""
         stages = ("mesh", "assembly", "modes", "body")
         taken = sum(self.run.log.seconds.get(stage, 0.0) for stage in stages)
-        self.limit.require(share * min(taken, self.limit.started[1]))  # by the clock; they worked no more than all did
+        self.limit.require(share * taken)
 
     def changes(self, theirs: Quantities, ours: Quantities | None = None) -> dict[str, float]:
         """Return the difference of each quantity of the motion from a variant's."""
@@ -174,7 +174,7 @@ class Comparison:
             It would take longer than the time limit leaves.
         """
         self.limit.require(self._forecast(plan.integrator))
-        times, begun = self.run.fine_times[0], self.limit.spent
+        times = self.run.fine_times[0]
         try:
             trajectory = plan.march(times, self.limit.watch())
         except StabilityError:  # the variant is unlike the run: one that chooses anew may find a way
@@ -183,8 +183,7 @@ class Comparison:
                 raise
             plan = replace(plan, integrator=self._first.integrator)
             trajectory = plan.march(times, self.limit.watch())
-        seconds = min(trajectory.seconds, self.limit.spent - begun)
-        self._marched.setdefault(type(plan.integrator), (plan.integrator, seconds))
+        self._marched.setdefault(type(plan.integrator), (plan.integrator, trajectory.seconds))
         return other.motion_by(plan, trajectory)
 
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_LIMIT, NO_PART, SOURCES, Row
 from fmd.accuracy.missed_peaks import largest_between
 from fmd.accuracy.ply_stress import PLY_ROWS, ply_row
+from fmd.accuracy.quantities import name_of_whole
 from fmd.accuracy.requested_stress import EXTREMES, request_key
 from fmd.accuracy.time_limit import TimeLimit
 from fmd.core.limits.errors import LEAST_PART_OF_RUN, LEAST_SECONDS, SAFETY, TIMES_RUN, WHOLE_SECONDS
 from fmd.scene.scene import Scene
-from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.stage import ALL_PACKAGES, ALL_SOURCES, Stage
 
@@ -142,12 +142,10 @@ def _join_pieces(rows: list[Row]) -> list[Row]:
     """
     joined: dict[str, Row] = {}
     for row in rows:
-        body = row.name.replace(".", ",").partition(",")[0]
-        part = part_of(body)
-        if not part:
-            joined[row.name] = row
-        elif ", frequency" not in row.name:
-            name = part + row.name.removeprefix(body)
+        name = name_of_whole(row.name)
+        if name == row.name:
+            joined[name] = row
+        elif ", frequency" not in name:
             before = joined.get(name, replace(row, value=0.0, correction=0.0))
             largest = row if row.value > before.value else before
             value, correction = largest.value, largest.correction

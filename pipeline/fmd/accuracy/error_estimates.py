@@ -89,10 +89,10 @@ class OrientationQuantity(Quantity):
     @property
     def sizes(self) -> Array:
         """Angles turned since the start [rad], (n_times,)."""
-        return _angles_between(self.values[:1], self.values)
+        return angles_between(self.values[:1], self.values)
 
     def _apart(self, other: Quantity) -> float:
-        return float(_angles_between(self.values, other.values).max())
+        return float(angles_between(self.values, other.values).max())
 
 
 def percent(error: float) -> str:
@@ -102,7 +102,7 @@ def percent(error: float) -> str:
     return f"{100 * error:.2g}" if error >= LEAST_SHOWN else "<.001"
 
 
-def _angles_between(e: Array, f: Array) -> Array:
+def angles_between(e: Array, f: Array) -> Array:
     """Return the angles between orientations by unit quaternions (n, 4) of either sign [rad], (n,)."""
     chord = np.minimum(np.linalg.norm(e - f, axis=1), np.linalg.norm(e + f, axis=1))
     return np.asarray(4 * np.arcsin(np.minimum(chord / 2, 1.0)))

@@ -27,7 +27,7 @@ from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits import errors as limits
 from fmd.integrators.march_pairs import motion_difference
 from fmd.recovery.stress import excess_in_middle, von_mises
-from fmd.scene.variants import change_modes, enrich_bases
+from fmd.scene.variants import change_modes, divide_few_elements, enrich_bases
 from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
 
@@ -195,8 +195,9 @@ class Estimates(Comparison):
         if self._across is not None:
             across = self._across
             self._within_limit("discretisation, shapes across", lambda: self._otherwise_across(across))
-        if isinstance(pair, str):
-            return errors
+        if isinstance(pair, str):  # the shape of a mesh that is given is that of its elements
+            given = (name for name, part in self.run.parts.items() if not part.shape.resized(0.5))
+            return errors | {f"{name}, mass": NO_PART for name in given}
         masses = mesh_quantities(pair.coarse)
         for name, quantity in self.of_mesh.items():
             if quantity.kind == "geometry":
@@ -216,8 +217,11 @@ class Estimates(Comparison):
 
     def _pair_across(self) -> Pair | None:
         """Return the run and its scene with more elements from side to side, if it has few and time is left."""
+        if divide_few_elements(self.run.scene) is None:
+            return None
         try:
-            self.require_modes(limits.ACROSS_SHARE)
+            halved = any(part.mesh.cell_type.startswith("tetra") for part in self.run.parts.values())
+            self.require_modes(limits.HALVED_SHARE if halved else limits.ACROSS_SHARE)
             return make_pair_across(self.run)
         except (LeftOutError, *FAULTS) as why:
             self._leave_out_mesh("few elements from side to side", why)

@@ -13,13 +13,14 @@ def find_excess(part: FlexiblePart, body: FlexibleBody, pair: Pair | str, across
     """Return the excess of a body's squared frequencies (n,) and of products of its shapes' stiffness (n', n').
 
     ``pair`` has the run on a coarser mesh, or says why there is none; ``across`` that with more elements from side to
-    side, of whose lack the others know nothing.
+    side, of whose lack the others know nothing. Where it is finer each way it tells all.
     """
     of_modes, excess = _excess_along(part, body, pair)
     if across is None or not across.divides(part.name):
         return of_modes, excess
     changed, alike = across.excess_of_shapes(part.name)
-    required = np.diag(excess) + np.where(alike, changed, 0.0)
+    along = np.where(alike & across.is_finer_each_way(part.name), 0.0, np.diag(excess))
+    required = along + np.where(alike, changed, 0.0)
     return add_across(of_modes, across, part.name), _with_diagonal(excess, required)
 
 
@@ -79,9 +80,13 @@ def combine_modes(part: FlexiblePart, recovered: Array, pair: Pair) -> Array:
 
 
 def add_across(of_modes: Array, across: Pair, name: str) -> Array:
-    """Add what more elements from side to side take off the squares of a part's frequencies to their excess."""
+    """Add what more elements from side to side take off the squares of a part's frequencies to their excess.
+
+    Where they are more each way, that is the whole.
+    """
     changed, alike = across.excess_of_modes(name)
-    return of_modes + np.where(alike, changed, 0.0)
+    along = np.where(alike & across.is_finer_each_way(name), 0.0, of_modes)
+    return along + np.where(alike, changed, 0.0)
 
 
 def root_mean_square(recovered: Array, changed: Array) -> Array:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.accuracy.details import detail_variables, is_place, round_off_sizes
-from fmd.accuracy.error_estimates import OrientationQuantity
-from fmd.accuracy.quantities import motion_quantities
-from fmd.accuracy.requested_stress import EXTREMES
+from fmd.accuracy.error_estimates import OrientationQuantity, angles_between
+from fmd.accuracy.quantities import element_stresses, motion_quantities, name_of_whole
+from fmd.accuracy.requested_stress import EXTREMES, RequestedStress
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.limits.recovery import MISSED_PEAK
 from fmd.recovery.motion_file import OF_FORMULA, Variable
@@ -107,22 +107,34 @@ def find_missed_peaks(run: Pipeline, variables_of: Callable[[Motion], Iterable[V
 def largest_between(run: Pipeline) -> dict[str, float]:
     """Return the largest sizes of rows of the budget at all output times and between them, by name.
 
-    Stress is that where it is largest at the output times. Angles that bodies turn, half a turn at most, have none.
+    The largest stress of a body is that where it is largest at the output times.
     """
     stressed = {name: run.stress_of(name) for name, part in run.wholes.items() if part.has_stress}
     worst = {name: stress.worst()[1] for name, stress in stressed.items()}
-    starts: dict[str, Array] = {}  # of places, whose sizes are how far they are from there
+    starts: dict[str, Array] = {}  # of places and orientations, whose sizes are how far they are from there
+    requested = RequestedStress(run)
+
+    def turned(name: str, orientation: Array) -> Variable:
+        start = starts.setdefault(name, orientation[0])
+        return Variable(name, angles_between(start[None], orientation), (), "rad", "")
 
     def variables_of(motion: Motion) -> Iterator[Variable]:
         for variable in detail_variables(run.scene, motion):
             if is_place(variable):
                 start = starts.setdefault(variable.name, variable.values[0])
                 yield variable._replace(values=variable.values - start)
-            elif variable.dims != ("quaternion",):
+            elif variable.dims == ("quaternion",):
+                yield turned(variable.name, variable.values)
+            else:
                 yield variable
         for name, row in motion_quantities(motion, motion).items():
-            if not isinstance(row, OrientationQuantity):
+            if isinstance(row, OrientationQuantity):
+                yield turned(name, row.values)
+            else:
                 yield Variable(name, row.values, (), row.unit, "")
+        q = {name: motion.modal(name) for name in run.parts}
+        for row in (*element_stresses(run, motion), *requested.of_places(run, q)):
+            yield Variable(name_of_whole(row.name), row.values, (), row.unit, "")
         yield from (stress_variable(run, body, node, motion) for body, node in worst.items())
 
     peaks = find_missed_peaks(run, variables_of)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from fmd.core.limits.round_off import EXACT, SUMMED
 from fmd.core.limits.stepping import STILL_GROUP
 from fmd.core.rotations import quaternion_of_matrix
 from fmd.recovery.stress import StressHistory, von_mises
+from fmd.stages.division import part_of
 
 if TYPE_CHECKING:
     from fmd.recovery.motion import Motion
@@ -114,15 +116,29 @@ def stress_quantities(
         history = StressHistory(nodes_of, part.surface_stress[chosen], motion.times, q, limitless)
         worst = history.limited_von_mises(frames).max(axis=1)
         found.append(Quantity(f"{name}, largest von Mises stress", "Pa", worst, largest=True, kind="stress"))
-        if not part.elements:
+    return _by_name([*found, *element_stresses(run, motion, places, as_if)])
+
+
+def element_stresses(
+    run: Pipeline, motion: Motion, places: dict[str, Array] | None = None, as_if: dict[str, Array] | None = None
+) -> Iterator[Quantity]:
+    """Yield the von Mises stress in the middle of each named element, over time and its largest, as above."""
+    for name, part in run.parts.items():
+        if not (part.has_stress and part.elements):
             continue
+        q = motion.modal(name) if as_if is None else motion.modal(name) @ as_if[name].T
         modal = part.element_stress if places is None else part.stress_at(places[name])
         for element, stress in zip(part.elements, modal, strict=True):
             values = von_mises((stress @ q.T)[None])[0]
             label = f"{name}.{element}, von Mises stress"
-            found.append(Quantity(label, "Pa", values, kind="spot stress"))
-            found.append(Quantity(f"{label}, largest", "Pa", values, largest=True, kind="spot stress"))
-    return _by_name(found)
+            yield Quantity(label, "Pa", values, kind="spot stress")
+            yield Quantity(f"{label}, largest", "Pa", values, largest=True, kind="spot stress")
+
+
+def name_of_whole(name: str) -> str:
+    """Return the name of a quantity under that of the part, where its body is a piece of one."""
+    body = name.replace(".", ",").partition(",")[0]
+    return (part_of(body) or body) + name.removeprefix(body)
 
 
 def _by_name(found: list[Quantity]) -> Quantities:

@@ -118,13 +118,7 @@ class RequestedStress:
         q = {name: motion.modal(name) for name in run.parts}
         if as_if is not None:
             q = {name: values @ as_if[name].T for name, values in q.items()}
-        found: Quantities = {}
-        for (name, component), place in self._places.items():
-            part = run.parts[place.part]
-            modal = place.modal if part is self._run.parts[place.part] else place.of_shapes(part, part.body.shapes)
-            values = stress_measure(component)((modal @ q[place.part].T)[None])[0]
-            label = f"{name}.{component}"
-            found[label] = Quantity(label, "Pa", values, kind="stress" if place.at_node else "spot stress")
+        found: Quantities = {each.name: each for each in self.of_places(run, q)}
         for name in self._bodies:
             free = ~run.limitless_of(name)
             part = run.parts[name]
@@ -138,6 +132,14 @@ class RequestedStress:
                 label = f"{name}, {EXTREMES[component]}"
                 found[label] = Quantity(label, "Pa", np.array([worst]), largest=True, kind="stress")
         return found | self.of_plies(run, q, frames)
+
+    def of_places(self, run: Pipeline, q: Mapping[str, Array]) -> Iterator[Quantity]:
+        """Yield the stress at places by each body's modal coordinates (n_times, n)."""
+        for (name, component), place in self._places.items():
+            part = run.parts[place.part]
+            modal = place.modal if part is self._run.parts[place.part] else place.of_shapes(part, part.body.shapes)
+            values = stress_measure(component)((modal @ q[place.part].T)[None])[0]
+            yield Quantity(f"{name}.{component}", "Pa", values, kind="stress" if place.at_node else "spot stress")
 
     def of_plies(
         self, run: Pipeline, q: Mapping[str, Array], frames: IntArray, stress: StressOfPlies = modal_ply_stress

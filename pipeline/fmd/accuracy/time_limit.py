@@ -1,14 +1,13 @@
 """Time limit of an error budget: estimates that would go beyond it are left out and named."""
 
 import math
-import os
-import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from fmd.core.clock import read_clocks, seconds_since
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.patience import JUDGED_AFTER
 from fmd.core.progress import interrupted_by
@@ -17,11 +16,6 @@ FAULTS = (AccuracyError, InputError, np.linalg.LinAlgError)
 """Errors of a variant of a run that leave an estimate out; the run itself has its results."""
 TIME_IS_SHORT = "it would take longer than the time limit of"
 """Words of an estimate that the time limit left out; without figures of its own, so that a reason is said once."""
-
-
-def read_clocks() -> tuple[float, float]:
-    """Return the seconds of the clock, and those that this process and its children have worked."""
-    return time.perf_counter(), time.process_time() + sum(os.times()[2:4])
 
 
 class LeftOutError(Exception):
@@ -37,8 +31,8 @@ class TimeLimit:
 
     @property
     def spent(self) -> float:
-        """Time since the start [s]: by the clock, or of the processor where that is less, as others use the machine."""
-        return min(now - start for now, start in zip(read_clocks(), self.started, strict=True))
+        """Time since the start [s], as `seconds_since` counts it."""
+        return seconds_since(self.started)
 
     def require(self, seconds: float) -> None:
         """Raise ``LeftOutError`` if a computation would take more seconds than are left."""

@@ -9,7 +9,6 @@ output time, so that a march which starts from the end state continues bit for b
 from __future__ import annotations
 
 import math
-import time
 from abc import abstractmethod
 from contextlib import nullcontext
 from dataclasses import replace
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.clock import read_clocks, seconds_since
 from fmd.core.errors import StabilityError
 from fmd.core.limits.contact import CHOSEN_STEP, LONGER_AFTER_CUT, MOST_CUTS
 from fmd.core.limits.stepping import (
@@ -266,10 +266,10 @@ class AdaptiveIntegrator(ResumableIntegrator):
         march_steps(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
         while cursor[0] < times.size:
             stop = begin_steps(system, p, march, sampling)
-            tick = time.perf_counter()
+            tick = read_clocks()
             with nullcontext() if touching is None else one_thread():
                 done = int(march_steps(m, p, march, stop, chunk))
-            spent = time.perf_counter() - tick
+            spent = seconds_since(tick)
             seconds, unreported = seconds + spent, unreported + spent
             chunk = max(1, min(CHUNK, int(chunk * CHUNK_SECONDS / max(spent, 1e-9))))
             state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))

@@ -4,7 +4,6 @@ Velocity-dependent forces take ``v_n ≈ v_{n−½} + ½ h a_{n−1}``, which ke
 Stable for ω_max h < 2.
 """
 
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.clock import read_clocks, seconds_since
 from fmd.core.limits.stepping import LANE_STEPS
 from fmd.dynamics.system import System, advance, leapfrog_step
 from fmd.integrators.fixed_step import (
@@ -101,14 +101,14 @@ class CentralDifference(FixedStepIntegrator):
             return super().march_each(system, start, values, first, n_cycles, times)
         p, samples = system.parameters, make_samples(start, times, self.step)
         starts = make_starts(start, values, first, times, p)
-        tick = time.perf_counter()
+        tick = read_clocks()
         march_lanes(make_lanes(leap, p, self.step, start.v.size), samples, starts, groups, n_cycles)
         found = starts.values, starts.sampled_q, starts.sampled_v, starts.done
         if len(alone):
             *few, _ = super().march_each(system, start, values[alone], first[alone], n_cycles, times)
             for whole, own in zip(found, few, strict=True):
                 whole[alone] = own
-        return *found, (time.perf_counter() - tick) / len(first)
+        return *found, seconds_since(tick) / len(first)
 
 
 @dataclass(frozen=True)

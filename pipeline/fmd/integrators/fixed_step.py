@@ -7,7 +7,6 @@ together. Into how many calls of `take_steps` output times divide it changes no 
 
 from __future__ import annotations
 
-import time
 from abc import abstractmethod
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.clock import read_clocks, seconds_since
 from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import CYCLES_SECONDS, FIRST_CYCLES, MORE_CYCLES, RUNAWAY
 from fmd.core.threads import one_thread
@@ -247,10 +247,10 @@ class FixedMarch:
         while state.step < last:
             wanted = min(chunk, last - state.step, check.most_steps)
             cycle = wanted if isinstance(method, SingleSteps) and not check.follows_laws else substeps
-            tick = time.perf_counter()
+            tick = read_clocks()
             with nullcontext() if touching is None else one_thread():
                 done = int(_march(*own, cycle, state.step, wanted // cycle))
-            spent = time.perf_counter() - tick
+            spent = seconds_since(tick)
             seconds += spent
             state = replace(state, step=state.step + done, time=(state.step + done) * self.step)
             if touching is not None and touching.lost:
@@ -363,7 +363,7 @@ class FixedStepIntegrator(ResumableIntegrator):
         method, log = march.make(state), WorkCheck(system, 0.0, march.step, march.substeps).log
         single = isinstance(method, SingleSteps)
         cycle, cycles = (n_cycles, 1) if single else (march.substeps, n_cycles)
-        tick = time.perf_counter()
+        tick = read_clocks()
         _march(method, p, march.frozen, samples, log, starts, cycle, 0, cycles)
-        seconds = (time.perf_counter() - tick) / len(values)
+        seconds = seconds_since(tick) / len(values)
         return starts.values, starts.sampled_q, starts.sampled_v, starts.done, seconds

@@ -1,6 +1,5 @@
 """SciPy's adaptive methods on a mechanism, as references and as a fall-back where no other method fits."""
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -9,6 +8,7 @@ import numpy as np
 from scipy.integrate import DOP853, LSODA, Radau
 
 from fmd.core.arrays import Array
+from fmd.core.clock import read_clocks, seconds_since
 from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import FAR_OFF, MOST_SCIPY_STEPS, SCIPY_WINDOW, SHORTEST_STEP
 from fmd.dynamics.step_bounds import StepBounds, allowed_part_of, record_step_start_of
@@ -85,7 +85,7 @@ class ScipyIvp(Integrator):
         bounds = system.step_bounds
         stops = [point for point in system.breakpoints if point > now]
         left = StepsLeft(self.name, end, MOST_SCIPY_STEPS, SCIPY_WINDOW)
-        tick = time.perf_counter()
+        tick = read_clocks()
         while now < end:
             stop = stops.pop(0) if stops else FAR_OFF
             if not np.isfinite(slope).all():  # SciPy would search for a first step for ever
@@ -106,7 +106,7 @@ class ScipyIvp(Integrator):
                     progress(min(1.0, solver.t / end))
             now, y = solver.t, solver.y
             slope = rates(now, y)  # the last time for the accelerations of the end state
-        seconds = time.perf_counter() - tick
+        seconds = seconds_since(tick)
         last = State(n_steps, y[:n_positions].copy(), y[n_positions:].copy(), slope[n_positions:], float(now))
         q, v = samples[:, :n_positions], samples[:, n_positions:]
         mean_step = now / n_steps if n_steps else 0.0

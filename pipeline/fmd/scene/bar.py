@@ -106,10 +106,16 @@ class Bar(Solid):
         return self._divided(tuple(counts))
 
     def divided_more(self) -> dict[str, Any]:
-        """Return the changes for two elements in place of one quadratic, or of two linear ones, which bend alike."""
+        """Return the changes for two elements in place of one quadratic, or of two linear ones, which bend alike.
+
+        Tetrahedra are halved each way.
+        """
         order = self.mesh.order
-        if self.mesh.divisions is None:
-            return {}
+        if self.mesh.size is not None:
+            size = min(self.mesh.size, *self.extents)
+            few = round(min(self.extents) / size) * order <= 2
+            return {"mesh": self.mesh.model_copy(update={"size": size / 2})} if few else {}
+        assert self.mesh.divisions is not None
         return self._divided(tuple(4 // order if count * order <= 2 else count for count in self.mesh.divisions))
 
     @property

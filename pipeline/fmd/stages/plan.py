@@ -9,7 +9,14 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import ConvergenceError, StabilityError
-from fmd.core.limits.recovery import FINER_TIMES, LEAST_FINER, LONG_AGAIN, MOST_FINE_TIMES, NEAR_LARGEST_DEFLECTION
+from fmd.core.limits.recovery import (
+    FINER_TIMES,
+    LEAST_FINER,
+    LONG_AGAIN,
+    MOST_FINE_TIMES,
+    MOST_TIMES_BETWEEN,
+    NEAR_LARGEST_DEFLECTION,
+)
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiled_system.positive_mass import require_positive_over
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -99,16 +106,16 @@ def is_long_again(motion: Motion) -> bool:
 def find_fine_times(plan: Plan, motion: Motion) -> tuple[Array, IntArray]:
     """Return the output times of a plan's motion with many more between them [s], and which of all are output times.
 
-    There are as many in each interval as `MOST_FINE_TIMES` allow, or in every n-th one, and more about the tip's
-    largest deflections; none where `is_long_again` is true and nothing flexible is at the tip. Where a method only
-    interpolates within a step, they are steps' ends.
+    There are as many in each interval as `MOST_FINE_TIMES` allow, or one, and more about the tip's largest deflections;
+    none where `is_long_again` is true and nothing flexible is at the tip. Where a method only interpolates within a
+    step, they are steps' ends.
     """
     method, outputs, tip = repeat_choice(plan, motion.trajectory).integrator, motion.times, motion.tip_size
     n_intervals = len(outputs) - 1
     if not n_intervals or (is_long_again(motion) and not tip.any()):
         return outputs, np.arange(len(outputs))
     finer = max(LEAST_FINER, MOST_FINE_TIMES // n_intervals)
-    every = -(-n_intervals * finer // MOST_FINE_TIMES)
+    every = -(-n_intervals * finer // MOST_TIMES_BETWEEN)
     near = (tip > 0) & (tip >= NEAR_LARGEST_DEFLECTION * tip.max())
     counts = np.where(np.arange(n_intervals) % every == 0, finer, 1)
     counts = np.maximum(counts, np.where(near[:-1] | near[1:], FINER_TIMES, 1))

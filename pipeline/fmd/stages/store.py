@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from fmd.core.cache import Cache
+from fmd.core.clock import read_clocks, seconds_since
 from fmd.core.progress import Advance, Monitor, silent
 from fmd.core.threads import one_thread
 
@@ -80,7 +80,7 @@ class StageStore:
     def _read_or_compute(
         self, stage: str, key: str, compute: Callable[[], T], keep: Callable[[T], bool], kind: str
     ) -> T:
-        tick = time.perf_counter()
+        tick = read_clocks()
         value: T | None = self.cache.load(key, kind)
         if value is None:
             with self.cache.lock(key):
@@ -90,7 +90,7 @@ class StageStore:
                     if keep(value):
                         self.cache.save(key, value)
                     return value
-        self.log.add(stage, time.perf_counter() - tick, self.log.cached)
+        self.log.add(stage, seconds_since(tick), self.log.cached)
         return value
 
     def read_or_keep(self, key: str, compute: Callable[[], T], kind: str) -> T:
@@ -104,7 +104,7 @@ class StageStore:
     def compute(self, stage: str, compute: Callable[[], T]) -> T:
         """Compute a stage, and log its time, also if it fails: that of stages that it needs in turn isn't its own."""
         others = sum(self.log.seconds.values())
-        tick = time.perf_counter()
+        tick = read_clocks()
         try:
             with self.monitor(stage) as advance, one_thread():
                 self.computing.append(advance)
@@ -118,5 +118,5 @@ class StageStore:
                     error.add_note(text)
             raise
         finally:
-            spent = time.perf_counter() - tick
+            spent = seconds_since(tick)
             self.log.add(stage, spent - (sum(self.log.seconds.values()) - others), self.log.run)

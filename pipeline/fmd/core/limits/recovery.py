@@ -28,7 +28,8 @@ BESIDE_POINT = 0.5  # of the edge of a cube of the part's volume: stress so near
 NEAR_LARGEST_DEFLECTION = 0.8  # of the tip's largest deflection
 FINER_TIMES = 32  # times as many times there tell what is largest between two output times
 MOST_FINE_TIMES = 8192  # times of a motion that tell what is largest between output times
-LEAST_FINER = 4  # times as many times there in an interval: with more output times only some intervals are looked into
+LEAST_FINER = 2  # times as many times there in an interval
+MOST_TIMES_BETWEEN = 65_536  # times there: of more intervals only every n-th one is looked into
 LONG_AGAIN = 2.0  # seconds of a march with contacts that isn't made again for what lies between output times
 MISSED_PEAK = 0.02  # of a largest value, between output times
 
