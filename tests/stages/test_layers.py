@@ -1,5 +1,6 @@
 """Shells of layers from the scene to the stress of their plies, and scenes with layers that are wrong."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -7,10 +8,12 @@ import numpy as np
 import pytest
 
 import fmd
+from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair
 from fmd.accuracy.error_budget import state_errors
 from fmd.accuracy.ply_stress import ply_quantities
 from fmd.accuracy.requested_stress import request_key
 from fmd.cli.run import _answers
+from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.fem.layered import Layered
 from fmd.output.frequencies import mode_warnings
@@ -18,6 +21,8 @@ from fmd.output.plies import draw_plies, find_plies, summarise_plies, write_plie
 from fmd.output.result import Result
 from fmd.scene.stress_outputs import Plies
 from fmd.stages.part_inputs import assembly_inputs, mesh_inputs
+from tests.fem.formats.test_import_shell import write_abaqus
+from tests.fem.sheets import unit_grid
 
 CARBON = {"E1": "135 GPa", "E2": "10 GPa", "nu12": 0.3, "G12": "5 GPa", "G23": "3.5 GPa", "rho": "1550 kg/m^3"}
 STRENGTH = {"Xt": "1500 MPa", "Xc": "1200 MPa", "Yt": "50 MPa", "Yc": "250 MPa", "S": "70 MPa"}
@@ -135,6 +140,70 @@ def test_stated_errors_of_plies_hold_a_finer_run(layers: list[dict[str, Any]]) -
     for name, row in rows.items():
         error = own[name].error(true[name])
         assert error < row.numerical < 5 * error, name
+
+
+def flat(a: Array, b: Array) -> Array:
+    return np.column_stack([0.6 * a, 0.2 * (b - 0.5), 0 * a])
+
+
+def distorted(a: Array, b: Array) -> Array:
+    """A plate that narrows, whose elements have no right angles."""
+    x = 0.6 * a + 0.06 * np.sin(2 * np.pi * b) * a * (1 - a)
+    return np.column_stack([x, 0.2 * (b - 0.5) * (1 - 0.4 * a), 0 * a])
+
+
+def curved(a: Array, b: Array) -> Array:
+    angle = 1.2 * (b - 0.5)
+    return np.column_stack([0.6 * a, 0.17 * np.sin(angle), 0.17 * np.cos(angle)])
+
+
+def from_file(path: Path, place: Callable[[Array, Array], Array], n: int, m: int, count: int, **changes: Any) -> Any:
+    """Return the run of a panel whose n x m shells come from a file."""
+    p, cells = unit_grid(n, m, "quadrilateral")
+    write_abaqus(path, place(*p.T), {"S4": cells}, f"*NSET, NSET=TIP, GENERATE\n{n * (m + 1) + 1}, {(n + 1) * (m + 1)}")
+    mesh = {"file": path.as_posix(), "unit": "m", "shell": "layers"}
+    more = {"mesh": mesh, "modes": {"count": count, "boundary": "joint"}} | changes
+    scene = panel(**more) | {"output": [{"type": "plies", "file": "plies.csv", "body": "panel"}]}
+    body = scene["body"]["panel"]
+    body["marker"] = {"root": {"face": "ROOT"}, "tip": {"face": "TIP"}}
+    for key in ("shape", "length", "width", "element"):
+        body.pop(key)
+    return fmd.load(scene).run
+
+
+def test_a_files_shells_are_compared_with_those_of_half_the_size(tmp_path: Path) -> None:
+    """The same two meshes tell that the coarser one has four times the excess of the finer one."""
+    run = from_file(tmp_path / "panel.inp", curved, 4, 4, 2)
+    mesh = {"file": (tmp_path / "panel.inp").as_posix(), "unit": "m", "shell": "layers", "halvings": 1}
+    own, finer = (
+        make_coarse_pair(each) for each in (run, from_file(tmp_path / "panel.inp", curved, 4, 4, 2, mesh=mesh))
+    )
+    assert isinstance(own, Pair)
+    assert isinstance(finer, Pair)
+    assert (own.is_coarser, finer.is_coarser) == (False, True)
+    assert [each.coarse.part.mesh.n_cells for each in (own, finer)] == [64, 16]
+    both = [each.excess_of_modes("panel")[0] for each in (own, finer)]
+    assert (both[1] > 0).all()
+    np.testing.assert_allclose(both[0], 4 * both[1], rtol=0.1)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("place", "angles"), [(flat, (30, 0, 0)), (distorted, (45, -45, -45, 45)), (curved, (0, 45, -45, 90))]
+)
+def test_stated_errors_of_a_files_plies_hold_a_finer_file(
+    tmp_path: Path, place: Callable[[Array, Array], Array], angles: tuple[int, ...]
+) -> None:
+    """Beside the same shape by sixteen times as many shells and twice the modes: 1.5 to 3.1 times the errors."""
+    layers = LAYERS if len(angles) == 3 else [LAYERS[0] | {"angle": f"{a} deg", "thickness": "2 mm"} for a in angles]
+    run = from_file(tmp_path / "panel.inp", place, 12, 6, 3, layers=layers)
+    fine = from_file(tmp_path / "fine.inp", place, 48, 24, 6, layers=layers)
+    own, true = (ply_quantities(each.part, each.motion.modal("panel")) for each in (run, fine))
+    rows = [row for row in state_errors(run).details if row.name in own]
+    ratios = {row.name: row.numerical / own[row.name].error(true[row.name]) for row in rows}
+    assert set(ratios) == set(own)
+    assert min(ratios.values()) > 1.0
+    assert np.median([*ratios.values()]) < 4.0
 
 
 def test_a_sandwich_has_the_mass_and_the_density_of_its_layers(swung: Result) -> None:

@@ -13,6 +13,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import Cache
 from fmd.core.limits.errors import ALIKE, ALIKE_MODES, MORE_COARSE_MODES
 from fmd.core.limits.round_off import SOLVED
+from fmd.fem.joined import JoinedMesh
 from fmd.reduction.body import FlexibleBody
 from fmd.scene.any_body import Flexible
 from fmd.scene.scene import Scene
@@ -22,24 +23,31 @@ from fmd.scene.variants import (
     coarsen_meshes,
     compare_element_sizes,
     divide_few_elements,
+    halve_elements,
 )
 from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
 
 KINDS = ("displacement", "stress", "spot stress", "geometry")  # of quantities, by their convergence
 
-NO_COARSER_MESH = "not estimated: there is no coarser mesh; of a mesh file a run with a second, coarser one tells"
+NO_COARSER_MESH = "not estimated: the mesh can't be coarser or halved; of a file a run with a second, coarser one tells"
 """Why nothing is compared with a coarser mesh where the scene's can't be coarser."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """A run and the same scene on a coarser mesh."""
+    """A run and the same scene on a coarser mesh, or on a finer one where the file's can't be coarser."""
 
     run: Pipeline  # the run itself
     coarse: Pipeline  # the scene on the coarser mesh; its modes are those most like the run's, in its order
-    # Factor by which the error falls from the coarse mesh to the run's, less one, by kind of quantity.
+    # Factor by which the error falls from the coarse mesh to the run's, less one, by kind of quantity; below 0 of a
+    # finer mesh.
     gains: dict[str, float]
+
+    @property
+    def is_coarser(self) -> bool:
+        """True if the other mesh is the coarser one."""
+        return self.gains["displacement"] > 0.0
 
     def divides(self, name: str) -> bool:
         """Return true if a body's meshes differ."""
@@ -93,23 +101,23 @@ class Pair:
 
 
 def make_coarse_pair(run: Pipeline) -> Pair | str:
-    """Return a run and its scene on a coarser mesh; or the reason why there is none.
+    """Return a run and its scene on a coarser mesh, or on a finer one of a file's; or the reason why there is none.
 
     Few curved elements may be inverted: then a mesh that is less coarse is tried. Where the faces' own size, not that
     which is asked for, decides how many elements there are, all meshes are alike and tell nothing.
     """
     why = NO_COARSER_MESH
-    for times in COARSENING_FACTORS:
-        scene = coarsen_meshes(run.scene, times)
-        if scene is None:
-            break
+    others = [coarsen_meshes(run.scene, times) for times in COARSENING_FACTORS]
+    if not any(isinstance(part.mesh, JoinedMesh) for part in run.parts.values()):  # shells alone are divided
+        others.append(halve_elements(run.scene))
+    for scene in filter(None, others):
         try:
             pair = _pair(run, scene)
         except FAULTS as fault:  # the latter where it has fewer modes than required
-            why = f"not estimated: on a coarser mesh, {fault}"
+            why = f"not estimated: on another mesh, {fault}"
         else:
             alike = "not estimated: of larger elements the mesh has as many, since its faces decide their size"
-            return pair if pair.gains["displacement"] > 0.0 else alike
+            return pair if pair.gains["displacement"] else alike
     return why
 
 
@@ -160,4 +168,6 @@ def _pair(run: Pipeline, scene: Scene) -> Pair:
     exact = all(
         abs(coarse.bodies[name].integrals.mass / body.integrals.mass - 1) < SOLVED for name, body in run.bodies.items()
     )
-    return Pair(run, coarse, gains if exact else {kind: min(gain, gains["geometry"]) for kind, gain in gains.items()})
+    return Pair(
+        run, coarse, gains if exact else {kind: min(gain, gains["geometry"], key=abs) for kind, gain in gains.items()}
+    )

@@ -27,7 +27,7 @@ from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits import errors as limits
 from fmd.integrators.march_pairs import motion_difference
 from fmd.recovery.stress import excess_in_middle, von_mises
-from fmd.scene.variants import change_modes, divide_few_elements, enrich_bases
+from fmd.scene.variants import change_modes, divide_few_elements, enrich_bases, halve_elements
 from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
 
@@ -201,18 +201,18 @@ class Estimates(Comparison):
         masses = mesh_quantities(pair.coarse)
         for name, quantity in self.of_mesh.items():
             if quantity.kind == "geometry":
-                errors[name] = quantity.change(masses[name]) / pair.gains["geometry"]
+                errors[name] = quantity.change(masses[name]) / abs(pair.gains["geometry"])
                 self.correct(name, (quantity.scale - masses[name].scale) / pair.gains["geometry"])
         self._within_limit("discretisation, shapes", lambda: self._otherwise_coarse(pair, recovery))
         return errors
 
     def _coarse_pair(self) -> Pair | str:
         try:
-            self.require_modes(limits.COARSE_SHARE)
+            self.require_modes(limits.HALVED_SHARE if halve_elements(self.run.scene) else limits.COARSE_SHARE)
         except LeftOutError as why:
-            self._leave_out_mesh("a coarser mesh", why)
+            self._leave_out_mesh("another mesh", why)
             return str(why)
-        with self.run.store.monitor("error budget: a coarser mesh"):
+        with self.run.store.monitor("error budget: another mesh"):
             return make_coarse_pair(self.run)
 
     def _pair_across(self) -> Pair | None:
@@ -280,7 +280,7 @@ class Estimates(Comparison):
         The difference between the stress of two meshes holds the error of its recovery; that is not counted twice.
         """
         for name, error in self._changes_by_shapes(pair).items():
-            shape = error / pair.gains[self.quantities[name].kind]
+            shape = error / abs(pair.gains[self.quantities[name].kind])
             if isinstance(again := recovery.get(name), float):
                 if name not in self._by_recovery:
                     recovery[name] = again = min(again, limits.MOST_OF_CHANGE * shape)

@@ -223,6 +223,7 @@ class ModelErrors:
         large mesh it would cost more than all else: there the coarser mesh alone says what rigid roots change.
         """
         run, pair = self._run, self._comparison.pair
+        pair = pair if isinstance(pair, Pair) and pair.is_coarser else "a finer one would cost still more"
         clamped = [name for name, part in run.parts.items() if not (part.joint.free or part.joint.floating)]
         clamped = [name for name in clamped if not run.parts[name].shape.support]  # else the supports clamp it
         clamped = [name for name in clamped if name in run.wholes or run.frame_of(part_of(name)) == name]

@@ -143,7 +143,7 @@ def _find_variants(run: Pipeline, linear: LinearModel, request: Request, lowest:
     coarse = linearise_scene(pair.coarse.variant(pair.coarse.scene), *request)
     at = np.array([lowest])
     own, other = (np.abs(each.frequency_response(at)[0]) for each in (rich, coarse))
-    gains = np.where(of_stress, pair.gains["spot stress"], pair.gains["displacement"])
+    gains = np.abs(np.where(of_stress, pair.gains["spot stress"], pair.gains["displacement"]))
     share = np.divide(np.abs(other - own), own * gains, out=np.zeros_like(own), where=own > 0)
     share = np.where(of_stress, share, np.maximum(share, lowest_excess))  # what is too stiff yields too little
     return _Variants(linear, rich, shifted.share, share)

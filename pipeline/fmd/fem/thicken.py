@@ -45,7 +45,7 @@ def thicken(sheet: Sheet) -> SolidMesh:
     x = sheet.x
     cells, turned = _orient(sheet.cells)
     n_local = cells.shape[1]
-    normals = _corner_normals(x[cells])
+    normals = corner_normals(x[cells])
     smooth = _smooth_corners(cells, normals)
     n_smooth = int(smooth.max()) + 1
     total = np.zeros((n_smooth, 3))
@@ -127,7 +127,7 @@ def _orient(cells: IntArray) -> tuple[IntArray, BoolArray]:
     return turned, flip
 
 
-def _corner_normals(x: Array) -> Array:
+def corner_normals(x: Array) -> Array:
     """Return normals at the corners of elements x (n_cells, n_local, 3), as long as their angles there."""
     after, before = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
     normal = np.cross(after, before)

@@ -119,6 +119,10 @@ class Deformable(SceneTable):
         """Return the changes for more elements where there are so few from side to side that fewer tell nothing."""
         return {}
 
+    def halved(self) -> dict[str, Any]:
+        """Return the changes for half the size of elements that a file has, where they can be divided."""
+        return {}
+
     def with_elements_of(self, first: Self) -> Self:
         """Return the body with the elements of another one, which differs in its dimensions."""
         return self

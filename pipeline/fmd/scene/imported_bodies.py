@@ -3,10 +3,11 @@
 import json
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from fmd.core.limits.mesh import MOST_HALVINGS
 from fmd.core.units import Length, PositiveDensity, PositiveLength, PositiveStress
 from fmd.scene.bodies import Deformable, DividedMesh, FaceLink, MassOnLink, SectorMesh, TiedFace, require_interface
 from fmd.scene.layers import Layerable
@@ -40,6 +41,8 @@ class MeshFile(DividedMesh, SectorMesh):
     shell: PositiveLength | Literal["deck", "layers"] | None = None
     # Thickness of single parts of shells [m], by name, where it differs from ``shell``.
     thickness: dict[PartName, PositiveLength] = Field(default_factory=dict)
+    # Number of times that each shell of the file is divided into four, on a curved midsurface.
+    halvings: Annotated[int, Field(strict=True, ge=0, le=MOST_HALVINGS)] = 0
     # ``"deck"``: the lines of a deck of Nastran, Abaqus or Ansys are beams, with the deck's sections.
     beam: Literal["deck"] | None = None
     # Faces of solid parts that stay together without common nodes, and nodes of shells and beams that follow a face of
@@ -51,6 +54,8 @@ class MeshFile(DividedMesh, SectorMesh):
             raise FaultError("is of solids: shells have three or four nodes, beams two", "order")
         if (self.shell is not None or self.beam is not None) and self.cyclic is not None:
             raise FaultError("is of solids, not of shells or beams", "cyclic")
+        if self.halvings and self.shell is None:
+            raise FaultError("divides shells; without mesh.shell, as shell = '2 mm', nothing is", "halvings")
 
 
 class CadFile(SectorMesh):
@@ -187,6 +192,22 @@ class MeshedPart(Imported):
     def has_own_layers(self) -> bool:
         """True if its plies are in the scene, or may be in its deck."""
         return bool(self.layers or (self.lamina and self.mesh.shell == "deck"))
+
+    def resized(self, factor: float) -> dict[str, Any]:
+        """Return the changes for fewer halvings of the file's shells."""
+        fewer = self.mesh.halvings - (factor <= 0.5)
+        return {"mesh": self.mesh.model_copy(update={"halvings": fewer})} if 0 <= fewer != self.mesh.halvings else {}
+
+    def halved(self) -> dict[str, Any]:
+        """Return the changes for half the size of the file's shells."""
+        mesh = self.mesh
+        divided = mesh.shell is not None and mesh.beam is None and not mesh.halvings and self.pieces == 1
+        return {"mesh": mesh.model_copy(update={"halvings": 1})} if divided else {}
+
+    @property
+    def divided_directions(self) -> int:
+        """Two for shells."""
+        return 3 if self.mesh.shell is None else 2
 
     @property
     def is_beam(self) -> bool:

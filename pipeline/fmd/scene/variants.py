@@ -167,6 +167,12 @@ def coarsen_meshes(scene: Scene, times: float = COARSENING_FACTORS[0]) -> Scene 
     return None if found is None or any(found.body[name] == body for name, body in scene.flexible.items()) else found
 
 
+def halve_elements(scene: Scene) -> Scene | None:
+    """Return the scene with each element of files divided; ``None`` if one can't be."""
+    found = _change_bodies(scene, lambda body: body.halved())
+    return None if any(found.body[name] == body for name, body in scene.flexible.items()) else found
+
+
 def divide_few_elements(scene: Scene) -> Scene | None:
     """Return the scene with more elements where a bar or shell has so few from side to side that fewer tell nothing.
 

@@ -13,7 +13,7 @@ from fmd.fem.assembly import assemble
 from fmd.fem.formats.ansys import read_ansys
 from fmd.fem.formats.import_joined import read_structure
 from fmd.fem.formats.import_mesh import read_mesh
-from fmd.fem.formats.import_shell import GivenSections, read_shell
+from fmd.fem.formats.import_shell import GivenSections
 from fmd.fem.formats.raw_mesh import MeshFileError
 from fmd.fem.links import mean_motion
 from fmd.fem.markers import weighted_marker
@@ -147,15 +147,15 @@ def test_shells_and_beams_are_those_of_the_same_deck_of_nastran(tmp_path: Path) 
     cells = [[k, k + 1, k + 5, k + 4] for k in (1, 2, 3, 5, 6, 7)]
     cells[-1:] = [[7, 8, 12, 12], [7, 12, 11, 11]]
     deck = ["ET,1,SHELL181", *nodes(sheet), *elements(cells, 1), "SECTYPE,1,SHELL", "SECOFFSET,BOT", "SECBLOCK,1"]
-    ours = read_shell(read(tmp_path, *deck, "  0.02, 1, 0.0, 3"), 1.0, GivenSections())
+    ours = read_structure(read(tmp_path, *deck, "  0.02, 1, 0.0, 3"), 1.0, GivenSections())
     cards = [f"GRID,{k},,{p[0]},{p[1]},{p[2]}" for k, p in enumerate(sheet.tolist(), start=1)]
     for k, own in enumerate(cells, start=1):
         three = own[2] == own[3]
         cards += [f"{'CTRIA3' if three else 'CQUAD4'},{k},1,{','.join(map(str, own[: 4 - three]))},,0.01"]
     with pytest.raises(InputError, match=r"SHELL181 with KEYOPT\(1\) = 1, a part of a shell's stiffness"):
-        read_shell(read(tmp_path, "KEYOPT,1,1,1", *deck, "  0.02, 1, 0.0, 3"), 1.0, GivenSections())
+        read_structure(read(tmp_path, "KEYOPT,1,1,1", *deck, "  0.02, 1, 0.0, 3"), 1.0, GivenSections())
     nastran.write_text("\n".join(["BEGIN BULK", *cards, "PSHELL,1,1,0.02,1,,1", "ENDDATA"]))
-    theirs = read_shell(nastran, 1.0, GivenSections())
+    theirs = read_structure(nastran, 1.0, GivenSections())
     assert ours.points == pytest.approx(theirs.points, abs=1e-12)
     assert np.array_equal(ours.cells, theirs.cells)
 

@@ -59,10 +59,17 @@ def test_a_clamped_deck_has_the_frequencies_of_its_own_output(fmd, tmp_path, cap
     assert all(1.0 < one / other < 1.006 for one, other in zip(found[:6], given, strict=True))
 
 
+def test_a_clamped_deck_of_eight_node_shells_has_the_frequencies_of_thin_plates(fmd, tmp_path, capsys) -> None:
+    """A square of 2 x 2 S8 by Leissa's table of cantilever plates (1969); CalculiX has 9683.5 and 23623.5 Hz there."""
+    assert modes(fmd, tmp_path, "shellf", ', shell = "deck"', 'support = [{ face = "Nfixx" }]\n') == 0
+    found = json.loads(capsys.readouterr().out)["frequencies_hz"]
+    bending = (210e3 * 0.01**3 / 12 / (1 - 0.3**2) / (7.8e-9 * 0.01)) ** 0.5 / (2 * 3.14159265)
+    assert found[:2] == pytest.approx([3.4917 * bending, 8.5246 * bending], rel=0.02)
+
+
 @pytest.mark.parametrize(
     ("name", "option", "message"),
     [
-        ("shellf", ', shell = "2 mm"', "no shells of three or four nodes; the elements: 4 quad8"),
         ("uprofile", ', beam = "deck"', "mesh.beam is of beams of two nodes alone; the elements: 5 line3"),
         ("dashpot1", "", "elements that aren't solid (1 DASHPOTA): left out"),
         ("spring4", "", "there are no solid elements; the elements: 1 quad8"),

@@ -8,8 +8,9 @@ import pytest
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.fem.assembly import assemble
+from fmd.fem.formats.import_joined import read_structure
 from fmd.fem.formats.import_mesh import read_mesh
-from fmd.fem.formats.import_shell import GivenSections, read_shell
+from fmd.fem.formats.import_shell import GivenSections
 from fmd.fem.material import Material
 from fmd.reduction.eigen import FreeBodySolver
 from tests.fem.sheets import shell_mesh, unit_grid
@@ -68,7 +69,7 @@ def test_each_format_gives_the_same_shell(tmp_path: Path, form: str, element: st
 
         cell = "quad" if element == "quadrilateral" else "triangle"
         meshio.Mesh(x, [(cell, cells)]).write(path)
-    mesh = read_shell(path, 1e-3, GivenSections(2e-3))
+    mesh = read_structure(path, 1e-3, GivenSections(2e-3))
     assert frequencies(mesh) == pytest.approx(frequencies(shell_mesh(x / 1e3, cells, 2e-3)), rel=1e-6)
 
 
@@ -78,14 +79,14 @@ def test_an_offset_of_a_sheet_whose_normals_are_mixed_is_to_one_side(tmp_path: P
     points = []
     for name, own in (("one", cells), ("mixed", mixed)):
         write_abaqus(tmp_path / f"{name}.inp", x, {"S4": own})
-        points.append(np.sort(read_shell(tmp_path / f"{name}.inp", 1e-3, GivenSections(2e-3, 5e-3)).points, axis=0))
+        points.append(np.sort(read_structure(tmp_path / f"{name}.inp", 1e-3, GivenSections(2e-3, 5e-3)).points, axis=0))
     assert points[0] == pytest.approx(points[1], abs=1e-12)
 
 
 def test_node_sets_and_element_sets_are_faces_and_parts(tmp_path: Path) -> None:
     x, cells = panel()
     write_abaqus(tmp_path / "panel.inp", x, {"S4": cells}, "*ELSET, ELSET=PAD\n1, 2")
-    mesh = read_shell(tmp_path / "panel.inp", 1e-3, GivenSections(2e-3))
+    mesh = read_structure(tmp_path / "panel.inp", 1e-3, GivenSections(2e-3))
     assert len(mesh.faces["ROOT"]) == 2 * 5  # both faces of five nodes
     assert mesh.faces["PAD"].shape == (4, 3)
     assert mesh.parts["PAD"].tolist() == [0, 1]
@@ -96,7 +97,7 @@ def test_quadrilaterals_beside_triangles_are_split_and_it_is_noted(tmp_path: Pat
     x, cells = panel()
     both = {"CQUAD4": cells[:-2], "CTRIA3": cells[-2:][:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)}
     write_nastran(tmp_path / "panel.bdf", x, both)
-    mesh = read_shell(tmp_path / "panel.bdf", 1e-3, GivenSections(2e-3))
+    mesh = read_structure(tmp_path / "panel.bdf", 1e-3, GivenSections(2e-3))
     assert len(mesh.cells) == 2 * len(cells)
     assert mesh.notes == ("22 quadrilaterals beside triangles are split into two triangles each",)
     assert mesh.parts["property-7"].tolist() == list(range(2 * len(cells)))
@@ -114,27 +115,27 @@ def test_other_elements_are_refused_by_name(tmp_path: Path) -> None:
     path = tmp_path / "panel.inp"
     write_abaqus(path, x, {"S4": cells}, "*ELEMENT, TYPE=B31\n900, 1, 2")
     with pytest.raises(InputError, match=r"beside shells of three or four nodes aren't read.*1 line"):
-        read_shell(path, 1e-3, GivenSections(2e-3))
+        read_structure(path, 1e-3, GivenSections(2e-3))
     write_abaqus(path, x, {"S4": cells, "B31": cells[:3, :2]})  # all of a named set, as stiffeners are
     with pytest.raises(InputError, match=r"beside shells of three or four nodes aren't read.*3 line"):
-        read_shell(path, 1e-3, GivenSections(2e-3))
+        read_structure(path, 1e-3, GivenSections(2e-3))
     write_nastran(path.with_suffix(".bdf"), x, {"CQUAD4": cells}, "CBAR,901,8,1,2,0.,0.,1.")
     with pytest.raises(InputError, match=r"beside shells of three or four nodes aren't read.*1 line"):
-        read_shell(path.with_suffix(".bdf"), 1e-3, GivenSections(2e-3))
+        read_structure(path.with_suffix(".bdf"), 1e-3, GivenSections(2e-3))
     write_abaqus(path, x, {"C3D4": cells})
     with pytest.raises(InputError, match="has solid elements: 24 tetra"):
-        read_shell(path, 1e-3, GivenSections(2e-3))
+        read_structure(path, 1e-3, GivenSections(2e-3))
     write_abaqus(path, x, {"S4": np.concatenate([cells, cells[:1]])[[0, 5, 23]]})
     with pytest.raises(InputError, match="unconnected pieces"):
-        read_shell(path, 1e-3, GivenSections(2e-3))
+        read_structure(path, 1e-3, GivenSections(2e-3))
     twice = cells.copy()
     twice[3, 3] = twice[3, 2]
     write_abaqus(path, x, {"S4": twice})
     with pytest.raises(InputError, match="1 shells have a node more than once"):
-        read_shell(path, 1e-3, GivenSections(2e-3))
+        read_structure(path, 1e-3, GivenSections(2e-3))
     write_abaqus(path, x, {"B31": cells[:, :2]})
     with pytest.raises(InputError, match="there are no shells of three or four nodes"):
-        read_shell(path, 1e-3, GivenSections(2e-3))
+        read_structure(path, 1e-3, GivenSections(2e-3))
 
 
 def test_thickness_and_offset_come_from_the_sections_of_a_deck(tmp_path: Path) -> None:
@@ -145,7 +146,7 @@ def test_thickness_and_offset_come_from_the_sections_of_a_deck(tmp_path: Path) -
     )
     plain = shell_mesh(x / 1e3, cells, 2e-3)
     for name in ("panel.bdf", "panel.inp"):
-        mesh = read_shell(tmp_path / name, 1e-3, GivenSections())
+        mesh = read_structure(tmp_path / name, 1e-3, GivenSections())
         assert mesh.volume == pytest.approx(plain.volume, rel=2e-3)  # a bent sheet's is another off its middle
         n = len(mesh.points) // 2
         assert mesh.midsurface is not None
@@ -155,7 +156,7 @@ def test_thickness_and_offset_come_from_the_sections_of_a_deck(tmp_path: Path) -
     # Moved by its offset, the shell is the same as one whose nodes are in the middle.
     flat = np.column_stack([x[:, :2], 0 * x[:, 0]])
     write_nastran(tmp_path / "flat.bdf", flat, {"CQUAD4": cells}, "PSHELL,7,1,2.0,1", ",,1.5")
-    moved = frequencies(read_shell(tmp_path / "flat.bdf", 1e-3, GivenSections()))
+    moved = frequencies(read_structure(tmp_path / "flat.bdf", 1e-3, GivenSections()))
     assert moved == pytest.approx(frequencies(shell_mesh(flat / 1e3, cells, 2e-3)), rel=1e-8)
 
 
@@ -169,23 +170,23 @@ def test_single_parts_have_a_thickness_of_their_own(tmp_path: Path) -> None:
     write_abaqus(tmp_path / "deck.inp", x, {"S4": cells}, "\n".join(sets + sections))
     given = GivenSections(2e-3, by_part={"pad": 5e-3, "RIB": 3e-3})
     mesh, deck = (
-        read_shell(tmp_path / "sets.inp", 1e-3, given),
-        read_shell(tmp_path / "deck.inp", 1e-3, GivenSections()),
+        read_structure(tmp_path / "sets.inp", 1e-3, given),
+        read_structure(tmp_path / "deck.inp", 1e-3, GivenSections()),
     )
     assert mesh.points.tolist() == deck.points.tolist()
     with pytest.raises(InputError, match=r"mesh\.thickness of LID, and the parts are ALL-S4, RIB, PAD, LEFT"):
-        read_shell(tmp_path / "sets.inp", 1e-3, GivenSections(2e-3, by_part={"LID": 1e-3}))
+        read_structure(tmp_path / "sets.inp", 1e-3, GivenSections(2e-3, by_part={"LID": 1e-3}))
     write_abaqus(tmp_path / "some.inp", x, {"S4": cells}, "\n".join([*sets, sections[1]]))
-    some = read_shell(tmp_path / "some.inp", 1e-3, GivenSections(by_part={"LEFT": 2e-3, "PAD": 5e-3}))
+    some = read_structure(tmp_path / "some.inp", 1e-3, GivenSections(by_part={"LEFT": 2e-3, "PAD": 5e-3}))
     assert some.points.tolist() == deck.points.tolist()  # the deck has the rib's alone
     across = "*ELSET, ELSET=ACROSS, GENERATE\n6, 7"
     write_abaqus(tmp_path / "across.inp", x, {"S4": cells}, "\n".join([*sets, across]))
     with pytest.raises(InputError, match=r"mesh\.thickness of PAD and of ACROSS, which share 1 shells"):
-        read_shell(tmp_path / "across.inp", 1e-3, GivenSections(2e-3, by_part={"PAD": 5e-3, "ACROSS": 3e-3}))
+        read_structure(tmp_path / "across.inp", 1e-3, GivenSections(2e-3, by_part={"PAD": 5e-3, "ACROSS": 3e-3}))
     layered = "*SHELL SECTION, ELSET=LEFT, COMPOSITE\n1.0, 3, M, 0\n1.0, 3, M, 90"
     write_abaqus(tmp_path / "deck.inp", x, {"S4": cells}, "\n".join([*sets, *sections[1:], layered]))
     with pytest.raises(InputError, match=r"mesh\.thickness of LEFT, whose shells have layers by the deck"):
-        read_shell(tmp_path / "deck.inp", 1e-3, GivenSections(by_part={"LEFT": 1e-3}))
+        read_structure(tmp_path / "deck.inp", 1e-3, GivenSections(by_part={"LEFT": 1e-3}))
 
 
 @pytest.mark.parametrize("deck", ["absolute", "relative", "abaqus"])
@@ -207,7 +208,7 @@ def test_thickness_comes_from_the_nodes_of_a_deck(deck: str, tmp_path: Path) -> 
         lines = path.read_text().splitlines()
         given = iter(own)
         path.write_text("\n".join(line + (next(given) if line.startswith("CQUAD4") else "") for line in lines))
-    mesh = read_shell(path, 1e-3, GivenSections())
+    mesh = read_structure(path, 1e-3, GivenSections())
     n = len(mesh.points) // 2
     assert mesh.midsurface is not None
     half = np.linalg.norm(mesh.points[n:] - mesh.points[:n], axis=1) / 2
@@ -230,8 +231,8 @@ def test_sections_that_are_more_than_a_thickness_are_refused(
     x, cells = panel()
     write_nastran(tmp_path / "panel.bdf", x, {"CQUAD4": cells}, section, tail)
     with pytest.raises(InputError, match=message):
-        read_shell(tmp_path / "panel.bdf", 1e-3, GivenSections())
-    assert read_shell(tmp_path / "panel.bdf", 1e-3, GivenSections(2e-3)).volume > 0
+        read_structure(tmp_path / "panel.bdf", 1e-3, GivenSections())
+    assert read_structure(tmp_path / "panel.bdf", 1e-3, GivenSections(2e-3)).volume > 0
 
 
 NODAL = "*SHELL SECTION, ELSET=ALL-S4, NODAL THICKNESS\n1.0\n*NODAL THICKNESS"
@@ -258,7 +259,7 @@ def test_sections_of_abaqus_that_are_more_than_a_thickness_are_refused(
     x, cells = panel()
     write_abaqus(tmp_path / "panel.inp", x, {"S4": cells}, section)
     with pytest.raises(InputError, match=message):
-        read_shell(tmp_path / "panel.inp", 1e-3, GivenSections())
+        read_structure(tmp_path / "panel.inp", 1e-3, GivenSections())
 
 
 def test_a_panel_of_shear_alone_is_no_shell(tmp_path: Path) -> None:
@@ -268,4 +269,4 @@ def test_a_panel_of_shear_alone_is_no_shell(tmp_path: Path) -> None:
     )
     path.write_text(f"BEGIN BULK\n{grid}CSHEAR,1,7,1,2,3,4\nCQUAD4,2,7,1,2,3,4\nENDDATA\n")
     with pytest.raises(InputError, match="CSHEAR"):
-        read_shell(path, 1.0, GivenSections(0.01))
+        read_structure(path, 1.0, GivenSections(0.01))

@@ -58,6 +58,7 @@ TIE_PAIRS_AT_ONCE = 1000  # pairs of facets
 TIE_PLACES = 3  # of Gauss's rule along a shell's edge, which integrates products of linear and linked functions
 
 # Shells.
+MOST_HALVINGS = 4  # of a file's shells, each of which makes four times as many
 INNER_TYING = 1e-4  # distance of MITC3+'s inner tying points from the centroid, as published
 SHELL_FOLD = 30.0  # between the normals of two elements, from which on a shell has a fold on their edge [degrees]
 ALIKE_DIRECTORS = 1e-3  # second over first moment of a node's directors, below which they are one line

@@ -227,7 +227,8 @@ class Deck:
                 if edge < 0:
                     facets.append(cells[chosen][:, :n])
                 else:
-                    edges.append(cells[chosen][:, [edge, (edge + 1) % n]].ravel())
+                    middle = [n + edge] if cells.shape[1] > n else []
+                    edges.append(cells[chosen][:, [edge, (edge + 1) % n, *middle]].ravel())
                 continue
             if face < 0 or side.startswith("E") or kind not in CELLS:
                 continue

@@ -11,8 +11,8 @@ from fmd.core.fortran import read_field
 from fmd.fem.formats.ansys_links import AnsysLinks, Element
 from fmd.fem.formats.ansys_sections import AnsysSection, beam_element, beam_section, shell_section
 from fmd.fem.formats.beam_sections import DeckBeams
-from fmd.fem.formats.named_sets import cells_by_block
-from fmd.fem.formats.raw_mesh import BlockShells, MeshFileError, RawMesh
+from fmd.fem.formats.named_sets import PLANE, cells_by_block, corners_of
+from fmd.fem.formats.raw_mesh import BlockShells, MeshFileError, RawMesh, at_all_nodes
 
 SUFFIXES = (".cdb",)
 _WRITE = "write the deck by CDWRITE,DB"
@@ -304,8 +304,10 @@ def _add_sections(raw: RawMesh, deck: _Deck, blocks: Sequence[Sequence[tuple[Ele
         t, offset = np.full((n, m), np.nan), np.zeros(n)
         for k, (element, _) in enumerate(own):
             section = deck.sections.get(element.section)
-            if kind in ("triangle", "quad") and element.kind != 154:
-                t[k], offset[k], fault = shell_section(element, section, deck.reals.get(element.real, []), m)
+            if kind.startswith(PLANE) and element.kind != 154:
+                real, n_corners = deck.reals.get(element.real, []), corners_of(kind)
+                at_corners, offset[k], fault = shell_section(element, section, real, n_corners)
+                t[k] = at_all_nodes(at_corners, m)
                 faults |= {fault: None} if fault else {}
             elif kind == "line":
                 found = beam_element(element, section, raw.points[raw.blocks[b][1][k]], deck.nodes)

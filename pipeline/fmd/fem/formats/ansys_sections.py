@@ -27,7 +27,7 @@ class AnsysSection:
 def shell_section(
     element: Element, section: AnsysSection | None, real: list[float], m: int
 ) -> tuple[Array, float, str]:
-    """Return thickness at the m nodes of a shell, offset of its middle from them, and what of its section isn't read.
+    """Return thickness at the m corners of a shell, offset of its middle from them, and what of its section isn't read.
 
     SHELL63 and SHELL93 have real constants in place of a section.
     """

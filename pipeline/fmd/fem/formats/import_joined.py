@@ -9,14 +9,15 @@ import numpy as np
 from fmd.core.arrays import BoolArray, IntArray
 from fmd.core.errors import as_input_error
 from fmd.fem.beams import extrude
-from fmd.fem.cells.table import CELLS, is_solid
+from fmd.fem.cells.table import is_solid
 from fmd.fem.connections import Connections, TiedFaces
 from fmd.fem.formats import repair as repairs
+from fmd.fem.formats.divided_shells import divide_shells_with_middles, halve_shells
 from fmd.fem.formats.import_beam import mesh_beams, take_beams
 from fmd.fem.formats.import_mesh import UNUSABLE, connection_notes, connections_in_si, place_solids, read_sound
 from fmd.fem.formats.import_shell import SHELLS, GivenSections, mesh_shells, take_shells
 from fmd.fem.formats.mixed import split_mixed
-from fmd.fem.formats.named_sets import PLANE, corners_of, tie_by_names, with_curves
+from fmd.fem.formats.named_sets import PLANE, corners_of, facets_of_solids, tie_by_names, with_curves
 from fmd.fem.formats.raw_mesh import BlockShells, MeshFileError, RawMesh
 from fmd.fem.joined import HINGE_MEND, STRUT_MEND, AnyMesh, JoinedMesh, Seam, count_nodes
 from fmd.fem.mesh import SolidMesh, rows_among, three_corners
@@ -29,7 +30,7 @@ def read_structure(
     path: Path,
     scale: float,
     shell: GivenSections | None,
-    beams: bool,
+    beams: bool = False,
     repair: bool = False,
     units: tuple[float | None, float | None] = (None, None),
     ties: Sequence[tuple[str, str, float | None]] = (),
@@ -44,7 +45,11 @@ def read_structure(
         The file can't be read, or its elements can't be used; the message says what is wrong.
     """
     with as_input_error(str(path), of=UNUSABLE):
-        raw = read_sound(path) if shell is None else with_curves(read_sound(path), path)
+        raw = read_sound(path)
+        if shell is not None:
+            raw = divide_shells_with_middles(with_curves(raw, path), shell.thickness is None)
+            for _ in range(shell.halvings):
+                raw = halve_shells(raw)
         kinds = _kinds(raw, shell, beams)
         if sum(any(own.any() for own in each) for each in kinds) > 1:
             return _Joining(raw, scale, kinds, repair, units).joined(shell, ties)
@@ -59,7 +64,7 @@ def _kinds(raw: RawMesh, shell: GivenSections | None, beams: bool) -> tuple[list
     Triangles and quadrilaterals on facets of solids are shells if the deck has a section for them, and faces if not.
     """
     solids = [np.full(len(cells), is_solid(kind)) for kind, cells in raw.blocks]
-    shells, on_solids = [], _facets(raw)
+    shells, on_solids = [], facets_of_solids(raw)
     for b, (kind, cells) in enumerate(raw.blocks):
         if shell is None or kind not in SHELLS:
             shells.append(np.zeros(len(cells), dtype=bool))
@@ -69,17 +74,6 @@ def _kinds(raw: RawMesh, shell: GivenSections | None, beams: bool) -> tuple[list
         shells.append(~on | np.isfinite(raw.shells[b].thickness).all(axis=1) if by_deck else ~on)
     lines = [np.full(len(cells), beams and kind == _LINES) for kind, cells in raw.blocks]
     return solids, shells, lines
-
-
-def _facets(raw: RawMesh) -> IntArray:
-    """Return three corners of each facet of the solids."""
-    facets = [
-        three_corners(cells[:, list(face)])
-        for kind, cells in raw.blocks
-        if kind in CELLS
-        for face in CELLS[kind].shape.faces
-    ]
-    return np.concatenate([np.zeros((0, 3), dtype=np.int64), *facets])
 
 
 class _Joining:
@@ -158,7 +152,7 @@ class _Joining:
 
     def _off_solids(self, kind: str, cells: IntArray) -> int:
         """Count the surface elements that are on no facet of a solid."""
-        on = rows_among(three_corners(cells[:, : corners_of(kind)]), _facets(self._raw))
+        on = rows_among(three_corners(cells[:, : corners_of(kind)]), facets_of_solids(self._raw))
         return len(cells) - int(on.sum())
 
     def _pieces(self, *kinds: list[BoolArray]) -> list[IntArray]:

@@ -247,7 +247,7 @@ def _solid_cells(raw: RawMesh) -> tuple[str, IntArray]:
     count, listed = replace(raw, others={}).count_elements(), raw.list_elements()
     solids = [kind for kind in count if is_solid(kind)]
     if not solids:
-        plane = any(kind in ("triangle", "quad") for kind in count)
+        plane = any(kind.startswith(PLANE) for kind in count)
         mend = "; mesh.shell = '2 mm' takes triangles and quadrilaterals as shells" if plane else ""
         mend += "; mesh.beam = 'deck' takes lines as beams" if "line" in count and not plane else ""
         raise MeshFileError(f"there are no solid elements; the elements: {listed}{mend}")

@@ -1,17 +1,15 @@
 """Import of shells from the triangles and quadrilaterals of a mesh file."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import as_input_error
 from fmd.fem.cells.table import is_solid
-from fmd.fem.formats.import_mesh import UNUSABLE, link_taken, number_used, read_sound, require_one_piece
-from fmd.fem.formats.named_sets import faces_of_points, with_curves
+from fmd.fem.formats.import_mesh import link_taken, number_used, require_one_piece
+from fmd.fem.formats.named_sets import faces_of_points
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.midsurface import Layup
@@ -28,28 +26,7 @@ class GivenSections(NamedTuple):
     thickness: float | None = None  # of all [m]; ``None`` for that of the deck's sections
     offset: float = 0.0  # distance of the middle from the nodes along the normal, beside that of a deck [m]
     by_part: Mapping[str, float] = MappingProxyType({})  # thickness of single parts, where it differs [m]
-
-
-def read_shell(
-    path: Path,
-    scale: float,
-    given: GivenSections,
-    mass_unit: float | None = None,
-    force_unit: float | None = None,
-) -> SolidMesh:
-    """Read the triangles and quadrilaterals of a file as shells.
-
-    The suffix gives the format, and ``scale`` is the file's unit of length [m]. Element sets become parts and, with
-    both of their sides, faces; node sets become faces: all of the surface between their nodes. Units of mass [kg] and
-    force [N] are as in `read_mesh`.
-
-    Raises
-    ------
-    InputError
-        The file can't be read, or its mesh can't be used; the message counts what is wrong.
-    """
-    with as_input_error(str(path), of=UNUSABLE):
-        return mesh_shells(with_curves(read_sound(path), path), scale, given, (mass_unit, force_unit))
+    halvings: int = 0  # times that each shell is divided into four
 
 
 def mesh_shells(

@@ -43,7 +43,7 @@ def with_curves(raw: RawMesh, path: Path) -> RawMesh:
 
     Lines of other files, the decks, are beams.
     """
-    curves = {b: cells for b, (kind, cells) in enumerate(raw.blocks) if kind == "line" and len(cells)}
+    curves = {b: cells for b, (kind, cells) in enumerate(raw.blocks) if kind.startswith("line") and len(cells)}
     named = [(name, b, own[b]) for name, own in raw.cell_sets.items() for b in curves if len(own[b])]
     nameless = [
         np.setdiff1d(np.arange(len(cells)), np.concatenate([_NONE, *(k for _, at, k in named if at == b)]))
@@ -90,6 +90,17 @@ def find_faces(raw: RawMesh, place: IntArray) -> dict[str, IntArray]:
     return {name: face for name, face in faces.items() if face.size}
 
 
+def facets_of_solids(raw: RawMesh) -> IntArray:
+    """Return three corners of each facet of the solids, shape (n, 3)."""
+    facets = [
+        three_corners(cells[:, list(face)])
+        for kind, cells in raw.blocks
+        if kind in CELLS
+        for face in CELLS[kind].shape.faces
+    ]
+    return np.concatenate([_NONE.reshape(0, 3), *facets])
+
+
 def corners_of(kind: str) -> int:
     """Return the number of corners of a surface element of meshio's name."""
     return 3 if kind.startswith("triangle") else 4
@@ -106,6 +117,8 @@ def nodes_of_facets(raw: RawMesh, facets: list[IntArray]) -> IntArray:
     wanted = np.concatenate([three_corners(corners) for corners in facets])
     found = [np.concatenate([corners.ravel() for corners in facets])]
     for kind, block in raw.blocks:
+        if kind.startswith(PLANE) and block.shape[1] > corners_of(kind):
+            found.append(block[rows_among(three_corners(block[:, : corners_of(kind)]), wanted)].ravel())
         if kind not in CELLS:
             continue
         x = CELLS[kind].nodes

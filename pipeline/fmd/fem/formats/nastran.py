@@ -83,7 +83,7 @@ def read_nastran(text: str) -> RawMesh:
                 seen.add(number)
                 cells[kind].append(nodes)
                 properties[kind].append(fields[1])
-                if kind in ("triangle", "quad"):
+                if name in _PLANES:
                     shells.add(kind, len(nodes), fields)
                 elif kind == "line":
                     beams.add(name, fields)

@@ -37,6 +37,11 @@ class BlockShells(NamedTuple):
     direction: Array  # (n, 3): vector from whose projection onto the shell the angles of layers count
 
 
+def at_all_nodes(t: Array, n_local: int) -> Array:
+    """Return thickness at all nodes of shells, (…, n_local), from that at their corners, (…, 3 or 4)."""
+    return np.concatenate([t, (t + np.roll(t, -1, axis=-1)) / 2], axis=-1)[..., :n_local]
+
+
 @dataclass
 class RawMesh:
     """Contents of a mesh file before any check."""

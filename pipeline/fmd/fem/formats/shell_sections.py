@@ -7,7 +7,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.fortran import read_field, read_real
-from fmd.fem.formats.raw_mesh import BlockShells, MeshFileError, ShellSection
+from fmd.fem.formats.raw_mesh import BlockShells, MeshFileError, ShellSection, at_all_nodes
 from fmd.fem.midsurface import DeckPly
 
 _ALONG_X = np.array([1.0, 0.0, 0.0])
@@ -50,11 +50,15 @@ class NastranShells:
 
     def add(self, kind: str, n_local: int, fields: list[str]) -> None:
         """Take the offset of an element, its THETA or MCID, and the thicknesses at its nodes."""
-        self.turns.setdefault(kind, []).append(fields[2 + n_local] if len(fields) > 2 + n_local else "")
-        given = fields[3 + n_local] if len(fields) > 3 + n_local else ""
-        self.offsets.setdefault(kind, []).append(read_field(given))
-        if any(fields[10:]):
-            self.nodal.setdefault(kind, {})[len(self.offsets[kind]) - 1] = (fields + [""] * n_local)[9 : 10 + n_local]
+        turn, flag = {6: (8, 13), 8: (14, 16)}.get(
+            n_local, (2 + n_local, 9)
+        )  # fields of THETA, before ZOFFS, and TFLAG
+        fields = fields + [""] * 17
+        self.turns.setdefault(kind, []).append(fields[turn])
+        self.offsets.setdefault(kind, []).append(read_field(fields[turn + 1]))
+        t = fields[10 : 10 + _corners(n_local)]
+        if any(t):
+            self.nodal.setdefault(kind, {})[len(self.offsets[kind]) - 1] = [fields[flag], *t]
 
     @property
     def stacks(self) -> list[tuple[DeckPly, ...]]:
@@ -79,12 +83,13 @@ class NastranShells:
                 if section.plies:
                     self.faults.append(f"PCOMP {own[number]} is of elements with thicknesses of their own")
                 unit = section.thickness if flag == "1" else 1.0
-                t[number] = [unit * read_field(each) if each else section.thickness for each in given]
+                at_corners = np.array([unit * read_field(each) if each else section.thickness for each in given])
+                t[number] = at_all_nodes(at_corners, t.shape[1])
             offset = np.array(self.offsets.get(kind, [0.0] * len(own))) + [section.offset for section in sections]
             stack = np.array([place[p] if section.plies else -1 for p, section in zip(own, sections, strict=True)])
             direction = np.tile(_ALONG_X, (len(own), 1))
             for k in np.flatnonzero(stack >= 0):
-                direction[k] = self._direction(self.turns[kind][k], points[cells[k]], axes)
+                direction[k] = self._direction(self.turns[kind][k], points[cells[k][: _corners(cells.shape[1])]], axes)
             found.append(BlockShells(t, offset, stack.astype(np.int64), direction))
         return found
 
@@ -100,6 +105,11 @@ class NastranShells:
         side, normal = side / np.linalg.norm(side), normal / np.linalg.norm(normal)
         angle = np.radians(read_field(turn))
         return np.asarray(np.cos(angle) * side + np.sin(angle) * np.cross(normal, side))
+
+
+def _corners(n_local: int) -> int:
+    """Return the number of corners of a shell by that of its nodes."""
+    return n_local if n_local < 6 else n_local // 2
 
 
 def _composite(fields: list[str], faults: list[str]) -> ShellSection:

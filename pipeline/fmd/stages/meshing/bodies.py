@@ -47,7 +47,7 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> AnyMesh:
         force = None if given.force_unit is None else unit_ratio(given.force_unit, "N")
         ties = [(tie.face, tie.onto, tie.within) for tie in given.tie]
         if given.beam is not None or given.shell is not None:
-            sections = GivenSections(shape.shell_thickness, shape.offset, given.thickness)
+            sections = GivenSections(shape.shell_thickness, shape.offset, given.thickness, given.halvings)
             shell = None if given.shell is None else sections
             return read_structure(source.path, unit, shell, given.beam is not None, given.repair, (mass, force), ties)
         return _complete(read_mesh(source.path, unit, given.repair, mass, force, ties), given, source)

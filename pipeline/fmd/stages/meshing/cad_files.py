@@ -121,15 +121,17 @@ def mesh_cad_sheet(
     InputError
         As `mesh_cad_file`, or the solid has no midsurface of this thickness.
     """
-    from fmd.fem.formats.import_shell import GivenSections, read_shell
+    from fmd.fem.formats.import_joined import read_structure
+    from fmd.fem.formats.import_shell import GivenSections
 
     with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
         sheet = Path(folder) / "sheet.msh"
         _run_gmsh(path, sheet, json.dumps({"size": size, "thickness": thickness}))
         try:
-            mesh = read_shell(sheet, 1.0, GivenSections(thickness, offset, by_part))
+            mesh = read_structure(sheet, 1.0, GivenSections(thickness, offset, by_part))
         except InputError as error:
             raise InputError(str(path), "", None, error.mend) from error
+        assert isinstance(mesh, SolidMesh)  # of shells alone
         if not (about := sheet.with_suffix(".json")).exists():
             return mesh
         if by_part:
