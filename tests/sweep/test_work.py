@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 
 from fmd.accuracy.solved_scene import SolvedScene
+from fmd.core.arrays import Array
 from fmd.core.cache import Cache
 from fmd.core.limits.errors import SAFETY
 from fmd.core.limits.stepping import FEWEST_TIMES
 from fmd.integrators.automatic import Automatic
-from fmd.integrators.protocol import Trajectory
+from fmd.integrators.protocol import Progress, Trajectory
 from fmd.output.summary import summarise_solved
 from fmd.scene.scene import load_scene
 from fmd.stages import like_mechanisms
 from fmd.stages.mechanism import build_mechanism
+from fmd.stages.plan import Plan
 from fmd.sweep import work
 from fmd.sweep.points import make_points, parse_variations, point_key
 from fmd.sweep.record import Wanted
@@ -65,6 +67,21 @@ def test_figures_of_points_together_are_those_of_runs_by_themselves(
                 assert found[name] == pytest.approx(expected, rel=1e-9, abs=1e-12), name
             else:
                 assert found[name] == expected, name
+
+
+def test_points_together_march_together_between_their_output_times_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    marched, march = list[int](), Plan.march
+
+    def noted(plan: Plan, times: Array, progress: Progress | None = None) -> Trajectory:
+        marched.append(len(times))
+        return march(plan, times, progress)
+
+    monkeypatch.setattr(work, "_last", [])
+    monkeypatch.setattr(Plan, "march", noted)
+    points = [load_scene("arm", [*_ARM, f"joint.elbow.damper={value} N m s"]) for value in (0.1, 0.2, 0.4)]
+    records = dict(compute_points({point_key(point): point for point in points}))
+    assert all(record.status == "ok" for record in records.values())
+    assert len(marched) == 2  # at the output times and between them, of the first alone, whose mechanism others take
 
 
 def test_points_by_auto_share_a_choice_that_each_of_them_checks_by_marches_of_its_own(

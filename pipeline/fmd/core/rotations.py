@@ -18,14 +18,13 @@ class BodyFrame(NamedTuple):
     spin: Array  # (n_times, 3) [rad/s]
 
 
-def moved(shapes: Array, displacement2: Array, q: Array, rates: Array) -> tuple[Array, Array]:
-    """Return displacements of second order ``Φ q + ½ qᵀ B q``, Φ (k, n), B (k, n, n), and rates, (n_times, k) each."""
-    place, moving = (x @ shapes.T if shapes.size else np.zeros((len(x), len(shapes))) for x in (q, rates))
+def displaced(shapes: Array, displacement2: Array, q: Array) -> Array:
+    """Return displacements of second order ``Φ q + ½ qᵀ B q`` (n_times, k): Φ (k, n), B (k, n, n), q (n_times, n)."""
+    place = q @ shapes.T if shapes.size else np.zeros((len(q), len(shapes)))
     if displacement2.size:
-        slope = np.einsum("ajk,tk->taj", displacement2, q)
-        place = place + 0.5 * np.einsum("taj,tj->ta", slope, q)
-        moving = moving + np.einsum("taj,tj->ta", slope, rates)
-    return place, moving
+        slope = (displacement2.reshape(-1, q.shape[1]) @ q.T).reshape(*displacement2.shape[:2], -1)  # (k, n, n_times)
+        place = place + 0.5 * (slope * q.T).sum(axis=1).T
+    return np.asarray(place)
 
 
 def turned(rotation: Array, vectors: Array) -> Array:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.rotations import BodyFrame, moved, rotation_matrix, turned
+from fmd.core.rotations import BodyFrame, displaced, rotation_matrix, turned
 from fmd.dynamics.closures import Place
 from fmd.dynamics.compiler.coordinates import ExactCoordinates
 from fmd.dynamics.compiler.graph import Graph
@@ -230,7 +230,7 @@ class Kinematics:
     def _displacement_in_body(self, body: int, name: str) -> Array:
         """Displacement of a marker in the frame of its own body or piece [m], shape (n_times, 3)."""
         at, q = self.mechanism.links[body].markers[name], self.modal_coordinates(body)
-        return moved(at.translation, at.displacement2[:3], q, q)[0]
+        return displaced(at.translation, at.displacement2[:3], q)
 
     def _undeformed(self, body: int, name: str) -> Array:
         """Position of a marker in the undeformed part, from the joint at its first piece [m], shape (3,)."""
@@ -254,9 +254,8 @@ class Kinematics:
             return own
         section = link.markers[link.section]
         if first == body and section.displacement2.size:
-            shift, turn = np.split(
-                moved(np.r_[section.translation, section.rotation], section.displacement2, q, q)[0], 2, axis=1
-            )
+            shapes = np.r_[section.translation, section.rotation]
+            shift, turn = np.split(displaced(shapes, section.displacement2, q), 2, axis=1)
             arm = arm - section.position
             return np.asarray(turned(rotation_matrix(-turn), arm + own - shift) - arm)
         arm = arm if first == body else arm + own

@@ -8,6 +8,9 @@ if TYPE_CHECKING:
     from fmd.integrators.protocol import Trajectory
     from fmd.stability.operating_points import OperatingPoints
 
+FINE = "finely"
+"""Label of the first run's second march among those that have been integrated."""
+
 
 class HasResults(Protocol):
     """A scene's stages, with their results by name."""

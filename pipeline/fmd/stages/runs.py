@@ -24,7 +24,7 @@ from fmd.scene.run_table import SubCycledRun
 from fmd.stability.limits import longest_safe_step
 from fmd.stages.buckling import StiffnessChange, find_changes, require_unbuckled
 from fmd.stages.contact_steps import leave_fastest_out, limit_contact_step, most_halvings, step_key, steps_settle
-from fmd.stages.found_together import known_marches, known_points
+from fmd.stages.found_together import FINE, known_marches, known_points
 from fmd.stages.like_mechanisms import build_like
 from fmd.stages.mechanism import find_start, place_joints
 from fmd.stages.plan import Growth, Plan, repeat_choice
@@ -386,4 +386,5 @@ def march_finely(built: Pipeline) -> Motion:
     if len(times) == len(outputs):
         return built.motion
     plan = repeat_choice(next(iter(built.plans.values())), built.motion.trajectory)
-    return built.motion_by(plan, plan.march(times))
+    march = known_marches(built).pop(FINE) if FINE in known_marches(built) else plan.march(times)
+    return built.motion_by(plan, march)

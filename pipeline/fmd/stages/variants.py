@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError, StabilityError
 from fmd.core.limits.memory import VALUES_AT_ONCE
 from fmd.core.limits.stepping import NEARLY
@@ -17,9 +18,9 @@ from fmd.integrators.fixed_step import FixedStepIntegrator
 from fmd.integrators.march_pairs import Pairs, pairs_of
 from fmd.integrators.protocol import Trajectory
 from fmd.stability.variants import VariantStart, differ_in_numbers, find_growth_together, find_points_of_variants
-from fmd.stages.found_together import known_marches, known_points
+from fmd.stages.found_together import FINE, known_marches, known_points
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.plan import Plan
+from fmd.stages.plan import Plan, repeat_choice
 
 
 def share_growth(runs: Sequence[Pipeline]) -> None:
@@ -94,8 +95,35 @@ def share_marches(runs: Sequence[Pipeline]) -> None:
         if isinstance(method, Automatic):
             _share_choice(some, method)
         elif isinstance(method, FixedStepIntegrator):
-            for own, march in zip(some, _march_together(some, method), strict=True):
+            for own, march in zip(some, _march_together(some, method, run.output_times), strict=True):
                 own.keep(march)
+
+
+def share_fine_marches(runs: Sequence[Pipeline]) -> None:
+    """March the first runs of many scenes again, in the same steps, for the stage "fine motion" of each to take.
+
+    Those with something flexible at the tip that have one structure, method and step are marched by one call of a
+    kernel, which samples at the times of all; each takes its own.
+    """
+    alike: dict[Hashable, list[tuple[_Run, Array]]] = {}
+    for run in runs:
+        try:
+            if not len(run.motion.tip_link.omega):
+                continue
+            times, outputs = run.fine_times
+            plan = repeat_choice(next(iter(run.plans.values())), run.motion.trajectory)
+        except (InputError, AccuracyError):
+            continue
+        system, method = plan.marched[0], plan.integrator
+        if len(times) > len(outputs) and _starts_alike(method, system):
+            alike.setdefault((structure_of(system), method), []).append((_Run(run, FINE, plan), times))
+    for some in alike.values():
+        method, times = some[0][0].plan.integrator, np.unique(np.concatenate([own for _, own in some]))
+        if len(some) == 1 or not isinstance(method, FixedStepIntegrator):
+            continue
+        for (own, asked), march in zip(some, _march_together([own for own, _ in some], method, times), strict=True):
+            at = np.searchsorted(times, asked)
+            own.keep(march and replace(march, times=asked, q=march.q[at], v=march.v[at]))
 
 
 class _Run(NamedTuple):
@@ -111,10 +139,10 @@ class _Run(NamedTuple):
             known_marches(self.run)[self.label] = self.plan.spread_out(march)
 
 
-def _march_together(some: Sequence[_Run], method: FixedStepIntegrator) -> list[Trajectory | None]:
-    """March what is integrated of runs of one structure by a method; those that diverge give None."""
+def _march_together(some: Sequence[_Run], method: FixedStepIntegrator, times: Array) -> list[Trajectory | None]:
+    """March what is integrated of runs of one structure by a method to output times; those that diverge give None."""
     states = [np.concatenate([q, v, own.compiled.numbers]) for own, q, v in (each.plan.marched for each in some)]
-    return method.marches(some[0].plan.marched[0], np.array(states), some[0].run.output_times)
+    return method.marches(some[0].plan.marched[0], np.array(states), times)
 
 
 def _share_choice(some: Sequence[_Run], auto: Automatic) -> None:
@@ -145,7 +173,7 @@ def _judge_together(
 
     Those that diverge aren't among them: they make their own choice.
     """
-    left, marches = [], _march_together([own for own, _ in runs], method)
+    left, marches = [], _march_together([own for own, _ in runs], method, runs[0][0].run.output_times)
     for (own, report), march in zip(runs, marches, strict=True):
         own.keep(found := march and auto.judge(march, method, own.plan.marched[0], report))
         if march and not found:

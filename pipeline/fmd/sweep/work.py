@@ -10,6 +10,7 @@ from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.errors import AccuracyError, InputError
+from fmd.core.limits.memory import FINE_MARCHES_AT_ONCE
 from fmd.output.frequencies import mode_warnings
 from fmd.output.result_figures import result_figures
 from fmd.output.stress_warnings import stress_warnings
@@ -17,7 +18,7 @@ from fmd.output.summary import model_warnings, run_warnings, summarise_solved
 from fmd.scene.result_names import is_of_parts, takes_motion
 from fmd.scene.scene import Scene
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.variants import share_growth, share_marches
+from fmd.stages.variants import share_fine_marches, share_growth, share_marches
 from fmd.sweep.points import point_key
 from fmd.sweep.record import SUMMARY, Record, Wanted, interrupted_record
 
@@ -65,8 +66,14 @@ def _compute_together(scenes: Mapping[str, Scene], wanted: Wanted) -> Iterator[t
         with suppress(*FAULTS):  # what is wrong with a point is in its own record
             share_growth(moving)
             share_marches(moving)
-    for key in [*solved]:
-        yield key, _compute(solved.pop(key), wanted)
+    keys = [*solved]
+    for first in range(0, len(keys), FINE_MARCHES_AT_ONCE):
+        some = keys[first : first + FINE_MARCHES_AT_ONCE]
+        if wanted.summary and len(moving) > 1:
+            with suppress(*FAULTS):
+                share_fine_marches([solved[key].given for key in some if solved[key].given in moving])
+        for key in some:
+            yield key, _compute(solved.pop(key), wanted)
 
 
 def _find_difference(key: str, scene: Scene) -> str:

@@ -32,6 +32,7 @@ STRAINED_AT_ONCE = 512  # elements whose strain or stress is found at a time
 PLIES_AT_ONCE = 2**18  # plies of elements times output times whose stress is found at a time
 DEFORMED_AT_ONCE = 64  # output times at which deformation is found at a time
 STRESSED_FRAMES = 256  # output times at which stress is found at a time
+HIGHEST_NODES = 32  # nodes whose largest stress says which others may have a larger one
 CACHED_NUMBERS = 2**17  # numbers that fit into a core's cache
 ENVELOPE_NODES, ENVELOPE_FRAMES = 64, 256  # nodes and output times at a time: 790 kB of stress
 FATIGUE_NODES = 8  # nodes at a time in a thread
@@ -51,6 +52,7 @@ MOST_BEGINS_KEPT = 2**24  # numbers of the states at which chosen steps begin, w
 
 # Sweeps.
 POINTS_AT_ONCE = 64  # points that share their work in a process: from half as many on, a point takes no less
+FINE_MARCHES_AT_ONCE = 16  # of these, marched again at some thousand times: two groups of lanes
 
 # Results.
 TIMES_AT_ONCE = 8192  # output times whose results are held at a time while they are written or compared
