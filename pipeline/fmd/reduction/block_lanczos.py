@@ -14,18 +14,18 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.modes import BLOCK_RESTARTS, DEPENDENT, EVEN, LANCZOS_RESIDUAL, PASSES
+from fmd.core.limits.modes import BLOCK_RESTARTS, DEPENDENT, EVEN, LANCZOS_RESIDUAL, NEARLY_CONVERGED, PASSES
 
 
 def largest_pairs(
     inverse: Callable[[Array], Array], M: Any, Z: Array, count: int, size: int, start: Array
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, Array]:
     """Find the largest eigenvalues of ``A⁻¹ M`` outside known eigenvectors Z (n, k), ``Zᵀ M Z = 1``.
 
     Vectors are M-orthogonal to all others by two projections or more. They begin with ``start`` (n, block); a full
     basis of ``size`` is cut to its best Ritz vectors, with which the last block goes on. ``inverse`` is ``A⁻¹`` of
     loads (n, k), and M (n, n) sparse. Returned are ``count`` eigenvalues, descending, and vectors (n, count), ``Φᵀ M Φ
-    = 1``.
+    = 1``, and further ones (n, k) that have nearly converged beside them.
 
     Raises
     ------
@@ -45,12 +45,16 @@ def largest_pairs(
         new, end = slice(last - known, filled - known), filled - known
         H[new, :end] = c[:, known:]
         H[:end, new] = c[:, known:].T
+        if end < min(count, size - len(q) + 1) and len(q):
+            continue
         theta, S = np.linalg.eigh(H[:end, :end])
         theta, S = theta[::-1], S[:, ::-1]
-        defects = np.linalg.norm(R.T @ S[new, :count], axis=0)
-        converged = defects < LANCZOS_RESIDUAL * theta[:count]
+        defects = np.linalg.norm(R.T @ S[new], axis=0)
+        converged = defects[:count] < LANCZOS_RESIDUAL * theta[:count]
         if (converged.all() and end >= count) or not len(q):
-            return theta[:count], np.ascontiguousarray((S[:, :count].T @ Q[known:filled]).T)
+            near = count + np.flatnonzero(defects[count:] < NEARLY_CONVERGED * theta[count:])
+            found, others = (np.ascontiguousarray((S[:, own].T @ Q[known:filled]).T) for own in (slice(count), near))
+            return theta[:count], found, others
         if end + len(q) > size:
             if restarts == BLOCK_RESTARTS:
                 raise AccuracyError(
@@ -68,25 +72,32 @@ def largest_pairs(
 def orthonormal_rows(W: Array, M: Any, *bases: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
     """Write rows as ``W = c Q + R q`` with ``q M qᵀ = 1``; returns q, ``q M``, the last basis' c, and R.
 
-    Q are the rows of all bases, each given with ``Q M``. q has fewer rows where W depends on Q. The first pass goes by
-    the Euclidean norm, which takes no product with M.
+    Q are the rows of all bases, each given with ``Q M``. q has fewer rows where W depends on Q. One pass does where it
+    leaves enough of all rows; else the first goes by the Euclidean norm, and what has no mass by M is left out.
     """
     c, R, whole = np.zeros((len(W), len(bases[-1][0]))), np.eye(len(W)), np.einsum("ij,ij->i", W, W).max()
     for taken in range(PASSES):
+        taken_off = 0.0
         for Q, MQ in bases:
             part = W @ MQ.T
             W = W - part @ Q
+            taken_off = max(taken_off, np.einsum("ij,ij->i", part, part).max())
         c += R @ part
-        MW = (M @ W.T).T if taken else W
+        MW = np.ascontiguousarray((M @ W.T).T)
         squares, V = np.linalg.eigh(W @ MW.T)
+        is_even = squares[0] > EVEN * max(squares[-1], taken_off)
+        if not taken and not is_even:
+            MW = W
+            squares, V = np.linalg.eigh(W @ MW.T)
         kept = squares > (DEPENDENT**2 * whole if taken == 0 else -np.inf)
         if taken == PASSES - 1:
             kept = squares > 0.5 * squares[-1]
-        sizes, V = np.sqrt(np.maximum(squares, np.finfo(float).eps * squares[-1]))[kept], V[:, kept]
-        W, MW, R = (V.T @ W) / sizes[:, None], (V.T @ MW) / sizes[:, None], (R @ V) * sizes
+        sizes = np.sqrt(np.maximum(squares, np.finfo(float).eps * squares[-1]))[kept]
+        turn = V[:, kept] / sizes
+        W, MW, R = turn.T @ W, turn.T @ MW, R @ (V[:, kept] * sizes)
         if taken == 1:  # what has no mass is no more than round-off by M
             kept = np.linalg.norm(R, axis=0) > DEPENDENT * np.hypot(np.linalg.norm(c), np.linalg.norm(R))
             W, MW, R = W[kept], MW[kept], R[:, kept]
-        if not len(W) or (taken and squares[0] > EVEN * squares[-1]):
+        if not len(W) or is_even:
             break
     return W, MW, c, R

@@ -279,18 +279,20 @@ class FreeBodySolver:
         values, Phi, known = np.zeros(0), np.zeros((len(Z), 0)), Z
         for attempt in range(LANCZOS_TRIES):
             size = min(max(2 * count, count + 20), room - Phi.shape[1] - 1)
-            more = min(count, size // 2)
+            more, near = min(count, size // 2), np.zeros((len(Z), 0))
             if self._factor.lowest is not None and inverse is self._inverse:
                 theta, new = self._factor.lowest(self._M, more, size, known)
                 found = theta + self.shift
+            elif self._factor.at_once > 1:
+                found, new, near = self._block_lanczos(more, size, known, inverse, attempt)
             else:
-                search = self._block_lanczos if self._factor.at_once > 1 else self._lanczos
-                found, new = search(more, size, known, inverse, attempt)
+                found, new = self._lanczos(more, size, known, inverse, attempt)
             values, Phi = np.concatenate([values, found]), np.concatenate([Phi, new], axis=1)
             lowest = np.argsort(values)[:count]
             values, Phi = values[lowest], Phi[:, lowest]
             known = np.concatenate([Z, Phi], axis=1)
-            missed = missed_eigenvalue(self._M, known, inverse, self.shift, values.max(), self._factor.at_once)
+            apart = np.concatenate([known, near], axis=1)
+            missed = missed_eigenvalue(self._M, apart, inverse, self.shift, values.max(), self._factor.at_once)
             if missed is None and len(values) == count:
                 return values, Phi
             hertz = np.sqrt(max(missed or values.max(), 0.0)) / 2 / np.pi
@@ -314,12 +316,14 @@ class FreeBodySolver:
         )
         return values, Phi
 
-    def _block_lanczos(self, count: int, n_vectors: int, Z: Array, inverse: Inverse, seed: int) -> tuple[Array, Array]:
+    def _block_lanczos(
+        self, count: int, n_vectors: int, Z: Array, inverse: Inverse, seed: int
+    ) -> tuple[Array, Array, Array]:
         block = self._factor.at_once
         size = max(n_vectors, count + BASIS_BLOCKS * block)
         start = np.random.default_rng(seed).standard_normal((len(Z), block))
-        theta, Phi = largest_pairs(self._counted(inverse, 2 * size / block), self._M, Z, count, size, start)
-        return 1.0 / theta + self.shift, Phi
+        theta, Phi, near = largest_pairs(self._counted(inverse, 2 * size / block), self._M, Z, count, size, start)
+        return 1.0 / theta + self.shift, Phi, near
 
     def _counted(self, inverse: Inverse, expected: float) -> Inverse:
         """Return an inverse that tells which part of the expected solutions is done."""

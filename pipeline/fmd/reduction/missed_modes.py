@@ -20,9 +20,10 @@ def missed_eigenvalue(
     """Return an eigenvalue below the highest known one that belongs to none of the known modes.
 
     That is an upper bound of it [rad²/s²], or ``None`` if no mode is missing. Known modes (n, k), rigid-body modes
-    included, have ``Φᵀ M Φ = 1`` and eigenvalues up to ``highest`` [rad²/s²]; ``inverse`` is ``(K − σ M)⁻¹``,
-    symmetric, at the ``shift`` σ [rad²/s²], and takes ``block`` vectors at a time. The search, Lanczos' method among
-    fields that are M-orthogonal to Φ, ends as soon as its largest Ritz value, or the bound of that, decides.
+    included, have ``Φᵀ M Φ = 1`` and eigenvalues up to ``highest`` [rad²/s²], or higher ones. At the ``shift`` σ
+    [rad²/s²] ``inverse`` is ``(K − σ M)⁻¹``, symmetric, and takes ``block`` vectors at a time. The search, Lanczos'
+    method among fields that are M-orthogonal to Φ, ends as soon as its largest Ritz value, or the bound of that,
+    decides.
     """
     known = (1 + TOUCHING) / (highest - shift)
     n, first = Phi.shape

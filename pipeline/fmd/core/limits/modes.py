@@ -29,6 +29,8 @@ ROUNDED_RESIDUAL = 1e-3  # residuals beyond the limit, if round-off explains the
 # Lanczos stops at this residual: an eigenvalue is then good to its square, a shape to itself over the gap. It must
 # stay below 1e-8, where single vectors have been seen to lose one of a pair.
 LANCZOS_RESIDUAL = 1e-9
+# The same of further vectors that are left out of the search for missed modes, in which they would take steps.
+NEARLY_CONVERGED = 1e-6
 BLOCK_RESTARTS = 100  # of the method with blocks of vectors
 PASSES = 5  # in which vectors of a block become orthonormal: two, and more where they nearly depend on one another
 SINGULAR = 1e-13  # of its diagonal: a smaller pivot of a factor is round-off
