@@ -96,6 +96,7 @@ def test_plates_tied_edge_to_edge_are_one_plate(element: str) -> None:
 
 @pytest.mark.parametrize("gap", [0.0, 0.002], ids=["to the middle", "to the face"])
 def test_a_rib_on_a_plate_is_as_if_it_had_its_nodes(gap: float) -> None:
+    """The plate's half thickness counts beside a distance that is given."""
     plate, (x, cells) = (
         sheet((16, 10), "quadrilateral", (-0.15, 0.0), (0.15, 0.2)),
         sheet((5, 10), "quadrilateral", (0.0, 0.0), (0.1, 0.2)),
@@ -105,7 +106,7 @@ def test_a_rib_on_a_plate_is_as_if_it_had_its_nodes(gap: float) -> None:
     wanted = hz(assemble(on_one(two(plate, (upright, cells), 0.004)), 1, METAL), 6)
     rib = np.column_stack([0 * finer[0][:, 0], finer[0][:, 1], gap + finer[0][:, 0] * (0.1 - gap) / 0.1])
     n = len(plate[0])
-    fe = tied(two(plate, (rib, finer[1]), 0.004), n + np.flatnonzero(rib[:, 2] < gap + 1e-9), np.arange(n))
+    fe = tied(two(plate, (rib, finer[1]), 0.004), n + np.flatnonzero(rib[:, 2] < gap + 1e-9), np.arange(n), 1e-6)
     assert hz(fe, 6) == pytest.approx(wanted, rel=3e-3 if gap == 0.0 else 2.5e-2)
     rigid = rigid_motions(fe.x).reshape(-1, 6)
     assert np.abs(fe.K @ rigid).max() < 1e-6 * np.abs(fe.K.data).max()
@@ -139,7 +140,9 @@ def test_a_narrow_sheet_on_a_long_edge_holds_either_way() -> None:
     )
     n, mesh = len(one[0]), two(one, other, 0.02)
     onto, face = (np.flatnonzero(np.abs(x[:, 0] - 0.6) < 1e-9) for x, _ in (one, other))
-    assert hz(tied(mesh, n + face, onto), 6) == pytest.approx(hz(tied(mesh, onto, n + face), 6), rel=1e-2)
+    whole, part = tied(mesh, n + face, onto), tied(mesh, onto, n + face)  # 0.16 of 0.4 m, and a thickness at each end
+    assert hz(whole, 6) == pytest.approx(hz(part, 6), rel=1e-2)
+    assert (whole.part_ties, part.part_ties) == ({}, {"tie 1": pytest.approx(0.5, abs=0.01)})
 
 
 def test_two_sheets_glued_on_their_faces_are_one_of_both_thicknesses() -> None:

@@ -51,6 +51,16 @@ def test_a_plate_on_its_edges_has_three_rigid_modes_and_the_published_frequencie
     assert fmd("mesh", plate) == 0
 
 
+def test_a_support_in_a_plane_is_that_of_its_face(
+    fmd: Callable[..., int], plate: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = []
+    for place in ('face="x-"', 'plane="x = 0"'):
+        assert fmd("modes", plate, "--json", "--set", f"body.plate.support=[{{{place}}}]") == 0
+        found.append(json.loads(capsys.readouterr().out)["frequencies_hz"])
+    assert found[0] == found[1]
+
+
 @pytest.mark.parametrize(
     ("command", "said"),
     [

@@ -1,5 +1,6 @@
 """Parts of a file that are tied, by its deck or by the scene: one body, as if their nodes were the same."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import fmd
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.fem.formats.abaqus import read_abaqus
+from fmd.output.frequencies import mode_warnings
 
 TIE = """*SURFACE, NAME=LOW
 LOWER, S2
@@ -128,6 +130,17 @@ def test_edges_of_shells_are_tied_by_a_deck_and_by_the_scene(
     surfaces = surfaces.replace(edges, f"{edges}\n7, SPOS")
     with pytest.raises(InputError, match="names the surface ONE, which has faces and edges of shells; split it"):
         frequencies(tmp_path, sheets(apart=True) + surfaces + "*TIE, NAME=T\nONE, OTHER\n", shell="deck")
+
+
+def test_a_tie_of_a_part_of_an_edge_is_told_with_its_share(tmp_path: Path) -> None:
+    file = tmp_path / "sheets.inp"
+    file.write_text(sheets(apart=True) + "*NSET, NSET=HALF\n7, 8\n")
+    mesh = {"file": str(file), "unit": "m", "shell": "deck", "tie": [{"face": "SEAM", "onto": "HALF"}]}
+    body = {"mesh": mesh, "E": 70e9, "nu": 0.3, "rho": 2700.0, "modes": {"count": 2}}
+    (found,) = mode_warnings(fmd.load({"title": "Sheets", "body": {"sheets": body}}).run)
+    assert found["code"] == "tie-in-part"
+    told = r"tie of SEAM to HALF holds [56]\d % of its edge; beside the rest is nothing near"  # half, and what is near
+    assert re.search(told, found["text"])
 
 
 def test_named_curves_of_gmsh_are_tied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -208,7 +208,7 @@ class Estimates(Comparison):
 
     def _coarse_pair(self) -> Pair | str:
         try:
-            self.require_modes(limits.HALVED_SHARE if halve_elements(self.run.scene) else limits.COARSE_SHARE)
+            self.require_modes(limits.QUARTERED_SHARE if halve_elements(self.run.scene) else limits.COARSE_SHARE)
         except LeftOutError as why:
             self._leave_out_mesh("another mesh", why)
             return str(why)

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import EPSILON, Array, IntArray
-from fmd.core.limits.mesh import RIGID_RESIDUAL
+from fmd.core.limits.mesh import RIGID_RESIDUAL, TIE_WHOLE
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms, join_arms, second_of_mean, second_of_rigid
 from fmd.fem.constraints import Constraints, rows_of
@@ -71,6 +71,8 @@ class LinkedModel(FEModel):
     references: Mapping[str, IntArray]
     # Further places that move with links: the link's name, and the position [m].
     places: Mapping[str, tuple[str, Array]] = field(default_factory=dict)
+    # Ties of edges of which a part is on nothing that it could follow, and the share that is tied.
+    part_ties: Mapping[str, float] = field(default_factory=dict)
 
     strained = False
 
@@ -213,6 +215,7 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
         link_unknowns=n_linked,
         arms=join_arms(_own_arms(fe.arms, x, links, carried), _arms(x, list(links.values()), starts, carried)),
         directors=_own_arms(fe.directors, x, links, carried),
+        part_ties={tie.label: tie.share for tie in linked.ties if tie.share < TIE_WHOLE},
     )
 
 

@@ -93,10 +93,11 @@ class ShellNodes:
         return found, own[first] // self.cells.shape[1]
 
 
-def follow_edge(sheet: ShellNodes, given: TiedFaces) -> tuple[IntArray, IntArray, sp.csr_array]:
+def follow_edge(sheet: ShellNodes, given: TiedFaces) -> tuple[IntArray, IntArray, sp.csr_array, float]:
     """Let the edges between the nodes of a face follow the shells of another.
 
-    Returns the unknowns (n,) that follow, those (m,) that they follow, and the weights (n, m).
+    Returns the unknowns (n,) that follow, those (m,) that they follow, the weights (n, m), and which share of the edges
+    has others beside it.
 
     Raises
     ------
@@ -124,7 +125,9 @@ def follow_edge(sheet: ShellNodes, given: TiedFaces) -> tuple[IntArray, IntArray
     unknowns, by_motion = _unknowns_of(sheet, nodes, given.label)
     weights = sp.csr_array(by_motion @ motions)
     others = np.unique(weights.indices)
-    return unknowns, others, sp.csr_array(weights[:, others])
+    ends = sheet.x[sides]
+    share = float(at.weights.sum() / np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
+    return unknowns, others, sp.csr_array(weights[:, others]), share
 
 
 @dataclass(frozen=True)
@@ -151,8 +154,9 @@ def _common_points(
     frames = np.stack([first, np.cross(sheet.normals[carriers], first)], axis=2)  # (n, 3, 2)
     reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    near = np.maximum(TIE_WITHIN * reach, sheet.thickness[carriers] / 2)
-    bridged = near.max() + sheet.thickness[owner].max() / 2 if given.within is None else given.within
+    half = sheet.thickness[carriers] / 2
+    near = np.maximum(TIE_WITHIN * reach, half) if given.within is None else half + given.within
+    bridged = near.max() + sheet.thickness[owner].max() / 2
     candidates = cKDTree(middles).query_ball_point(ends.mean(axis=1), lengths / 2 + reach.max() + bridged)
     s, w = np.polynomial.legendre.leggauss(TIE_PLACES)
     found, away = list[tuple[Array, ...]](), np.inf
@@ -169,7 +173,7 @@ def _common_points(
         gaps = np.linalg.norm(hit - x[:, None], axis=2)
         best = gaps.argmin(axis=1)
         rows = np.arange(len(x))
-        limit = near[chosen[best]] + sheet.thickness[owner[k]] / 2 if given.within is None else given.within
+        limit = near[chosen[best]] + sheet.thickness[owner[k]] / 2
         kept = gaps[rows, best] <= limit * (1 + SOLVED)
         away = min(away, float(gaps.min()))
         size = (0.5 * w * np.diff(breaks)[:, None]).ravel() * lengths[k]

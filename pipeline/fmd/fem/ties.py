@@ -27,6 +27,7 @@ class Tie:
     unknowns: IntArray  # (n,)
     others: IntArray  # (m,)
     weights: sp.csr_array  # (n, m): rigid motions stay rigid
+    share: float = 1.0  # share of an edge that lies on what it follows
 
 
 def tie_faces(fe: FEModel, member: Member, given: TiedFaces) -> Tie:

@@ -105,7 +105,7 @@ class MarkerPlace(Orientation):
 class Support(SceneTable):
     """Nodes of a flexible body that can't move in the body's frame.
 
-    Exactly one of ``face``, ``edge`` and ``point`` says which nodes.
+    Exactly one of ``face``, ``plane``, ``edge`` and ``point`` says which nodes.
 
     Example:
 
@@ -120,6 +120,7 @@ class Support(SceneTable):
     # One face, or the nodes that several faces have in common: two meet in an edge, three in a corner. A node set of a
     # file holds all of its nodes.
     face: FaceName | Annotated[tuple[FaceName, ...], Field(min_length=1, max_length=10)] = ()
+    plane: Plane | None = None  # Plane; all of the surface in it is held.
     edge: tuple[Point, Point] | None = None  # Two ends of a straight line of nodes [m].
     point: Point | None = None  # A point [m]; the node nearest to it is held.
     # Directions in which the nodes are held.
@@ -131,9 +132,9 @@ class Support(SceneTable):
         return (self.face,) if isinstance(self.face, str) else self.face
 
     def _check(self) -> None:
-        given = [key for key in ("face", "edge", "point") if getattr(self, key)]
+        given = [key for key in ("face", "plane", "edge", "point") if getattr(self, key)]
         if not given:
-            raise FaultError("is missing: a face, e.g. 'x-', or an edge or a point", "face")
+            raise FaultError("is missing: a face, e.g. 'x-', or a plane, e.g. 'x = 0', an edge or a point", "face")
         if len(given) > 1:
             raise FaultError(f"can't stand beside {given[0]}: give one of them", given[1])
         if self.edge is not None and self.edge[0] == self.edge[1]:

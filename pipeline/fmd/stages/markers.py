@@ -196,11 +196,13 @@ def fixed_unknowns(shape: Flexible, space: AnySpace, file: str, body: str) -> In
     fixed = []
     for number, support in enumerate(shape.support):
         key = f"body.{body}.support.{number}"
-        with as_input_error(file, key, support.edge or support.faces):
+        with as_input_error(file, key, support.edge or support.plane or support.faces):
             if support.edge is not None:
                 nodes = nodes_on_edge(space, np.array(support.edge))
             elif support.point is not None:
                 nodes = node_at(space, np.array(support.point))
+            elif support.plane is not None:
+                nodes = nodes_on_faces(space, [facets_in_plane(space, *support.plane)])
             else:
                 names = [find_name(space.mesh.faces, face, file, f"{key}.face") for face in support.faces]
                 nodes = _supported_nodes(space, [space.mesh.faces[name] for name in names])

@@ -72,7 +72,7 @@ def test_a_clamped_deck_of_eight_node_shells_has_the_frequencies_of_thin_plates(
     [
         ("uprofile", ', beam = "deck"', "mesh.beam is of beams of two nodes alone; the elements: 5 line3"),
         ("dashpot1", "", "elements that aren't solid (1 DASHPOTA): left out"),
-        ("spring4", "", "there are no solid elements; the elements: 1 quad8"),
+        ("spring4", "", "there are no solid elements; the elements: 1 CPE8"),
     ],
 )
 def test_a_deck_that_is_not_read_is_refused_by_name(fmd, tmp_path, capsys, name, option, message) -> None:

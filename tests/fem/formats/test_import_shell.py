@@ -111,8 +111,19 @@ def test_a_mesh_of_shells_that_is_read_as_a_solid_says_how_to_read_it(tmp_path: 
 
 
 def test_other_elements_are_refused_by_name(tmp_path: Path) -> None:
+    """Gmsh writes shells as CPS4, which are said to be taken; elements of plane strain or of revolution aren't."""
     x, cells = panel()
     path = tmp_path / "panel.inp"
+    for kind in ("CAX4", "CPE4"):
+        write_abaqus(path, x, {kind: cells})
+        with pytest.raises(InputError, match=f"no shells of three or four nodes; the elements: 24 {kind}"):
+            read_structure(path, 1e-3, GivenSections(2e-3))
+    write_abaqus(path, x, {"CPS4": cells})
+    told = "CPS4 are taken as shells, which they aren't in Abaqus"
+    assert read_structure(path, 1e-3, GivenSections(2e-3)).notes == (told,)
+    write_abaqus(path, x, {"CPS4": cells}, "*SURFACE, NAME=SIDE\nALL-CPS4, S1")
+    with pytest.raises(InputError, match="surface SIDE: S1 of CPS4 is an edge there; name it by its nodes"):
+        read_structure(path, 1e-3, GivenSections(2e-3))
     write_abaqus(path, x, {"S4": cells}, "*ELEMENT, TYPE=B31\n900, 1, 2")
     with pytest.raises(InputError, match=r"beside shells of three or four nodes aren't read.*1 line"):
         read_structure(path, 1e-3, GivenSections(2e-3))

@@ -48,7 +48,7 @@ HARDLY_MIXED = 1e-6  # of two shapes in one of a body of other frequencies: what
 # Estimators.
 SHORT_SECONDS = 0.5  # seconds of a march that may be taken again with half of its step
 COARSE_SHARE = 0.25  # of the time that mesh and modes took, for those of half as many elements each way
-HALVED_SHARE = 5.0  # of that time, for elements of half the size, four in place of each
+QUARTERED_SHARE = 5.0  # of that time, for four shells in place of each
 ACROSS_SHARE = 2.0  # of that time, for more elements from side to side
 HALVED_SHARE = 8.0  # the same where all are halved each way, as tetrahedra are
 OF_TOLERANCE = 0.01  # less of an adaptive method's tolerance isn't accepted

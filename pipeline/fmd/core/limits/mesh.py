@@ -54,6 +54,7 @@ TIE_WITHIN = 0.1  # how far apart two facets may be, of the square root of one's
 TIE_COVERED = 0.05  # share of a facet that has others before it, from which on its nodes follow these
 TIE_FACING = 0.5  # cosine of the angle between two facets' normals from which on they face each other
 TIE_SHARE = 3 / 8  # of a mid-edge node's function that each corner beside it takes: no function is below zero then
+TIE_WHOLE = 0.99  # share of an edge from which on all of it is tied: corners may lie beside
 TIE_PAIRS_AT_ONCE = 1000  # pairs of facets
 TIE_PLACES = 3  # of Gauss's rule along a shell's edge, which integrates products of linear and linked functions
 

@@ -17,9 +17,8 @@ from fmd.fem.formats.shell_sections import abaqus_section, orientation_direction
 SUFFIXES = (".inp",)
 # Letters behind the number of nodes are of integration, incompatible modes, hybrid forms and further unknowns.
 _SOLID = re.compile(r"(?:AC|DC|DCC|EC|Q|C)3D(\d+)V?(?:M|I|RI?)?P?H?[SET]?D?")
-_PLANE = re.compile(
-    r"(?:S|STRI|DS|SFM3D|M3D|R3D|F3D(?=[34]$)|CPS|CPE|CPEG|CAX|SAX|CGAX)(\d+)(?:R5|RSW?|[MI]?R?P?H?[SET]?)"
-)
+# Gmsh writes CPS for surfaces in space.
+_PLANE = re.compile(r"(?:S|STRI|DS|SFM3D|M3D|R3D|F3D(?=[34]$)|CPS)(\d+)(?:R5|RSW?|[MI]?R?P?H?[SET]?)")
 _LINE = re.compile(r"B[23][123](?:R|OS)?H?|PIPE[23][12]H?|T[23]D[23][HTE]?|R2D2|RB[23]D2")
 _CELLS = {len(cell.nodes): cell for cell in CELLS.values()}
 _PLANE_CELLS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
@@ -182,7 +181,7 @@ def _take_elements(deck: Deck, options: dict[str, str], data: list[list[str]]) -
     if not kind:
         deck.others[name] += len(data)
         return
-    block = Block(kind)
+    block = Block(kind, name)
     entries: list[int] = []
     for row in data:
         entries += [int(item) for item in row if item]

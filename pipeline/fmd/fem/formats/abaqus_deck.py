@@ -13,7 +13,7 @@ from fmd.core.limits.files import DEEPEST_SETS
 from fmd.fem.cells.table import CELLS, is_solid
 from fmd.fem.formats.abaqus_links import AbaqusLinks, DeckPoints
 from fmd.fem.formats.beam_sections import BeamElement, DeckBeams, take_abaqus_section
-from fmd.fem.formats.named_sets import cells_by_block, nodes_of_facets
+from fmd.fem.formats.named_sets import PLANE, cells_by_block, nodes_of_facets
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh, ShellSection
 from fmd.fem.formats.shell_sections import of_sets
 
@@ -25,6 +25,7 @@ class Block:
     """Elements of one section: their numbers, and the nodes of all one after the other."""
 
     kind: str
+    name: str  # in the deck
     numbers: list[int] = field(default_factory=list)
     nodes: list[int] = field(default_factory=list)
 
@@ -94,6 +95,9 @@ class Deck:
                     point_sets[name] = np.unique(np.concatenate([point_sets[name], *found]))
         raw = RawMesh(np.array(list(self.nodes.values())), blocks, cell_sets, point_sets, {}, dict(self.others))
         raw.numbers = np.array(list(self.nodes))
+        other = {b.name: 0 for b in self.blocks if b.kind.startswith(PLANE) and not re.match("D?S(?!FM)", b.name)}
+        if other and not any(is_solid(kind) for kind, _ in blocks):
+            raw.notes.append(f"{', '.join(other)} are taken as shells, which they aren't in Abaqus")
         for name, rows in self.surfaces.items():
             raw.facet_sets[name], edges = self._facets(name, rows, raw, where)
             if edges and raw.facet_sets[name]:
@@ -218,6 +222,9 @@ class Deck:
         facets, edges = [], []
         for (b, side), chosen in cells_of.items():
             kind, cells = raw.blocks[b]
+            element = [block.name for block in self.blocks if block.numbers][b]
+            if side.startswith("S") and element.startswith("CPS"):
+                raise MeshFileError(f"surface {name}: {side} of {element} is an edge there; name it by its nodes")
             face = int(side[1]) - 1 if side[1:].isdigit() else -1
             if kind.startswith(("triangle", "quad")):
                 n = 3 if kind.startswith("triangle") else 4
