@@ -16,13 +16,14 @@ from fmd.output.contacts import contact_warnings
 from tests.contact.test_contact_points import BLOCK
 
 CLEARANCE = 1e-7
+SPOT = ["200 mm", "-50 mm", "0 mm"]
 NODE = ["100 mm", "-50 mm", "0 mm"]  # by a marker there and by one at the point it moves alike, and turns otherwise
 
 
 def cantilever(**tables: Any) -> Pipeline:
     """Return the block held at one end by 3 modes, its other end just before a wall."""
     shape = BLOCK["body"]["block"]
-    markers = shape["marker"] | {"end": {"face": "x+"}, "spot": {"at": ["200 mm", "-50 mm", "0 mm"]}}
+    markers = shape["marker"] | {"end": {"face": "x+"}, "spot": {"at": SPOT}}
     body = shape | {"modes": {"count": 3, "enrich": "none"}, "support": [{"face": "x-"}]}
     body["marker"] = markers | {"root": {"face": "x-"}, "node": {"node": NODE}, "point": {"at": NODE}}
     ground = {"root": {"at": [0, 0, 0]}, "ahead": {"at": ["300 mm", "-50 mm", "0 mm"]}}
@@ -124,3 +125,32 @@ def test_a_contact_that_presses_within_its_own_vibration_presses_from_the_start(
         system = SimpleNamespace(compiled=compiled, shock_step=longest)
         run: Any = SimpleNamespace(start=np.zeros((2, 1)), system=system, motion=motion, scene=scene)
         assert len([*start_faults(run)]) == told
+
+
+def test_a_start_that_presses_by_round_off_alone_is_no_false_alarm() -> None:
+    """Without a load what presses at the start is an interference; of 1e-14 m it is that of places."""
+    compiled = SimpleNamespace(residual=lambda *_: np.zeros(1))
+    system = SimpleNamespace(compiled=compiled, shock_step=1e-9)
+    scene = SimpleNamespace(simulation=SimpleNamespace(start="undeformed"))
+    for pressed, told in ((1e-8, 0), (0.1, 1)):
+        own = SimpleNamespace(span=(0.0, 2e-3), force=np.array([[0.0, pressed, 0.0]]), largest=(1.0, 0.0, 0.0))
+        motion = SimpleNamespace(contacts={"floor": own}, trajectory=SimpleNamespace(step=19e-9))
+        run: Any = SimpleNamespace(start=np.zeros((2, 1)), system=system, motion=motion, scene=scene)
+        assert len([*start_faults(run)]) == told
+
+
+def test_explicit_steps_pass_where_forces_of_friction_go_round_in_circles_from_the_last_ones() -> None:
+    """From no forces they settle. Static responses ring, so that points lift."""
+    body = BLOCK["body"]["block"] | {"support": [{"face": "x-"}], "modes": {"count": 8, "enrich": "inertia"}}
+    body["marker"] = body["marker"] | {"end": {"face": "x+"}, "root": {"face": "x-"}, "spot": {"at": SPOT}}
+    shaken = force_on("spot", {"formula": "8000*sin(2*pi*3000*t)", "unit": "N"}, [0, 1, 0])["drive"]["load"]
+    drives = force_on("end", "20 kN", [1, 0, 0])["drive"] | {"shaken": shaken}
+    contact = {"between": ["ground.wall", "block.end"], "normal": [-1, 0, 0], "friction": 0.3}
+    more = {"gravity": [0, 0, 0], "tip": "block.end", "start": "equilibrium", "duration": 1.8e-4, "output_step": 9e-5}
+    run = [BLOCK["simulation"]["run"][0] | {"step": 2e-8}]
+    ground = {"root": {"at": [0, 0, 0]}, "wall": {"at": ["200 mm", 0, 0]}}
+    simulation = BLOCK["simulation"] | more | {"run": run}
+    own = cantilever(
+        body={"block": body}, drive=drives, contact={"wall": contact}, ground=ground, simulation=simulation
+    )
+    assert own.motion.contacts["wall"].impulse[-1, 0] == pytest.approx(-20e3 * 1.8e-4, rel=0.03)

@@ -18,14 +18,28 @@ from fmd.kernels.kernel import inlined, inner
 
 @inner
 def find_friction_forces(c: ContactTable, g: int) -> bool:
-    """Find forces and displacements of a group's chosen points, from the forces at hand; false if they don't settle."""
+    """Find forces and displacements of a group's chosen points; false if they settle neither from those at hand nor 0.
+
+    Some starts lead round in circles.
+    """
     count, least = c.n_chosen[g], math.inf
     for own in range(count):
         least = min(least, _own_compliance(c, g, c.chosen[c.group[g] + own], own, 0, 0))
-    _settle(c, g)
-    for own in range(count):
         for a in range(3):
             c.target[own, a] = c.free[c.chosen[c.group[g] + own], a]
+    if _settles(c, g, least):
+        return True
+    for own in range(count):
+        for a in range(3):
+            c.force[c.chosen[c.group[g] + own], a] = 0.0
+    return _settles(c, g, least)
+
+
+@inner
+def _settles(c: ContactTable, g: int, least: float) -> bool:
+    """Find forces from those at hand; false if they don't settle."""
+    late = LATE_SWEEPS
+    _settle(c, g)
     if find_forces_by_newton(c, g, least):
         return True
     _go_back(c, g)
@@ -33,10 +47,12 @@ def find_friction_forces(c: ContactTable, g: int) -> bool:
         if _sweep(c, g, least):
             return True
         c.swept[g] += 1
-        inverts = c.inverted[g] == 0 and c.swept[g] > SWEEPS_PER_POINT * count
+        inverts = c.inverted[g] == 0 and c.swept[g] > SWEEPS_PER_POINT * c.n_chosen[g]
         if inverts:
             c.inverted[g] = 1 if invert_flexibility(c, g) else -1
-        if c.inverted[g] == 1 and (inverts or sweep == LATE_SWEEPS):
+        if c.inverted[g] == 1 and (inverts or sweep == late):
+            late = max(late, 2 * sweep)
+            _settle(c, g)
             if find_forces_by_newton(c, g, least):
                 return True
             _go_back(c, g)

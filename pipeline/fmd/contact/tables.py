@@ -6,6 +6,7 @@ import numpy as np
 
 from fmd.contact.histories import IMPULSE
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.contact import ROUNDED_PLACE
 from fmd.kernels.table import Table
 
 
@@ -196,6 +197,12 @@ class ContactTable(Table):
                 "shorter step, helps"
             )
         return "their iterations don't settle; a shorter step or less friction helps" if self.clock[1] else ""
+
+    @property
+    def unrounded_force(self) -> float:
+        """Force that would deflect a point of elements by as much as places are the sum of, whose round-off it has."""
+        sizes, soft = self.noise / ROUNDED_PLACE, self.supple[self.rounded[self.surface] == 0]
+        return float(sizes.max() / soft.min()) if len(soft) else 0.0
 
     @property
     def impulses(self) -> Array:

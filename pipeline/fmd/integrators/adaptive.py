@@ -106,11 +106,12 @@ def march_steps(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> 
         planned, reached = h >= clock[1], t
         begin_step(m, p, s, t, h)
         pressed, cuts = is_pressed(p, t, s.q, s.v), 0
+        undone = s.pressed[1] > 0.0 and pressed == (s.pressed[0] > 0.0)  # round-off has, what the last step ended at
         s.pressed[0] = 1.0 if pressed else 0.0
         while True:
             reached = stop if h == stop - t else t + h
             size = try_step(m, p, s, t, h, reached)
-            if cuts < MOST_CUTS and math.isfinite(size):
+            if not undone and cuts < MOST_CUTS and math.isfinite(size):
                 change = time_of_change(m, p, s, t, h, pressed)
                 if change < h:
                     h, planned, cuts = change, False, cuts + 1
@@ -134,6 +135,7 @@ def march_steps(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> 
             h = max(h * min(factor, 0.9), smallest)
         if s.settles:
             note_balance(p, s.groups, n_positions, s.largest, s.balance)
+        s.pressed[1] = cuts
         n_looks = count_looks(p, s, reached, h, pressed)
         if n_looks > 1 or (cursor[0] < times.size and times[cursor[0]] <= reached):
             prepare_samples(m, p, s, t, h)
@@ -261,6 +263,9 @@ class AdaptiveIntegrator(ResumableIntegrator):
             if state.memory.size > own:
                 touching.recall(state.memory[own:])
             begin_contacts(p, march)
+            n_both, sizes = march.q.size + march.v.size, touching.unrounded_force * march.answers
+            own_balance = balance_of_groups(march.groups[:n_both], march.q.size, sizes)
+            march.balance[:] = np.maximum(march.balance, own_balance)
             march.new[march.q.size + march.v.size :] = touching.impulses
         left = StepsLeft(self.name, end, MOST_ADAPTIVE_STEPS, ADAPTIVE_WINDOW, state.step, state.time)
         march_steps(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
@@ -331,7 +336,7 @@ class AdaptiveIntegrator(ResumableIntegrator):
             apart=self.looks * system.shock_step,
             contacts=np.full((times.size, system.n_contact_values), np.nan),
             answers=system.answers_to_contact,
-            pressed=np.zeros(1),
+            pressed=np.zeros(2),
             q_within=np.zeros(state.q.size),
             v_within=np.zeros(state.v.size),
         )

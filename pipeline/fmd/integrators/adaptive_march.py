@@ -80,7 +80,7 @@ class AdaptiveMarch(Table):
     apart: float  # [s]: contacts are looked at within a step in times that are no farther apart
     contacts: Array  # (n_times, n_values): their values at the output times
     answers: Array  # (n,): largest acceleration of each rate by a unit force of contact
-    pressed: Array  # (1,): 1 in a step that begins with surfaces that touch
+    pressed: Array  # (2,): 1 in a step that begins with surfaces that touch; how often it was cut where these change
     q_within: Array  # (n_positions,) and (n,): a state within a step
     v_within: Array
 

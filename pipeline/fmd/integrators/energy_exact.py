@@ -30,7 +30,7 @@ from fmd.integrators.exponential import fill_functions
 from fmd.integrators.fixed_step import FixedMarch, begin_cycle, end_cycle, runs_away, sample_within, take_steps
 from fmd.integrators.generalized_alpha import factor_tangent, no_convergence, solve_part
 from fmd.integrators.march_tables import Samples
-from fmd.integrators.protocol import Progress, State, Trajectory
+from fmd.integrators.protocol import Progress, State, Trajectory, evaluate
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table, aligned
 from fmd.kernels.vectors import call_native
@@ -154,8 +154,9 @@ def _converges(m: EnergySteps, p: Any, t: float) -> bool:
             left += abs(m.residual[i])
             made += m.residual[i] * (m.y_new[i] - m.y[i])
             size = max(size, abs(m.begin[i]), abs(m.end[i]), abs(m.mean[i]))
-        settled = left <= EXACT * size or (left > STALLED * before and left <= FORCES_KNOWN * size)
-        if settled and abs(made) <= EXACTLY_KEPT * energy:
+        stalled = left > STALLED * before
+        settled = left <= EXACT * size or (stalled and left <= FORCES_KNOWN * size)
+        if (settled and abs(made) <= EXACTLY_KEPT * energy) or (stalled and left <= SOLVED * size):
             return True
         if not math.isfinite(left):
             return False
@@ -215,6 +216,15 @@ def _end_cycle(m: EnergySteps, p: Any, plain: Any, first: int, samples: Samples,
     remember_contacts(p, (first + 1) * m.h, m.q, m.v)
 
 
+def stiffness_under_loads(plain: CompiledSystem) -> Array:
+    """Return the stiffness at rest of a mechanism without contacts, with what its loads at time 0 add to it, (n, n)."""
+    n, p = plain.n, plain.parameters
+    answers, none = np.zeros((n + 1, n)), np.zeros(n)
+    for answer, q in zip(answers, np.eye(n + 1, n, -1), strict=True):
+        evaluate(p, 0.0, q, none, answer)
+    return np.asarray(plain.linear_matrices[0] @ (answers[0] - answers[1:]).T)
+
+
 def march_exactly(
     name: str, h: float, system: Any, start: State, times: Array, progress: Progress | None
 ) -> Trajectory:
@@ -230,8 +240,8 @@ def march_exactly(
     if lossy := [body.body for body in system.mechanism.contacts if body.is_lossy]:
         raise ValueError(f"{name} takes no friction, damping or restitution in contacts: {', '.join(lossy)} has some")
     plain, n = CompiledSystem(replace(system.mechanism, contacts=())), system.n
-    M, K, _ = plain.linear_matrices
-    squared, modes = eigh(K, M)
+    M, _, _ = plain.linear_matrices
+    squared, modes = eigh(stiffness_under_loads(plain), M)
     squared = np.where(squared > SOLVED * squared.max(initial=0.0), squared, 0.0)
     counts, numbers = np.zeros(1), np.array([0.0, 0.0, 0.5, np.nan])
     full = np.empty((n, 8))

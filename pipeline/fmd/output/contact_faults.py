@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fmd.contact.surfaces import find_rim, node_normals
-from fmd.core.limits.contact import DEPTH_FRAMES, FACE_ALIKE, FELT_OF_JOINT, RIGID_BESIDE
+from fmd.core.limits.contact import DEPTH_FRAMES, FACE_ALIKE, FELT_OF_JOINT, RIGID_BESIDE, ROUNDED_START
 from fmd.integrators.exponential import Exponential
 from fmd.recovery.motion import Motion
 from fmd.stages.pipeline import Pipeline
@@ -100,7 +100,8 @@ def start_faults(run: Pipeline) -> Iterator[str]:
     soon = 2.0 * max(motion.trajectory.step, system.shock_step) if pushed else 0.0
     for name, own in motion.contacts.items():
         begin, _ = own.span
-        if begin is not None and begin <= soon:
+        presses = pushed or np.linalg.norm(own.force[0]) > ROUNDED_START * own.largest[0]
+        if presses and begin is not None and begin <= soon:
             yield (
                 f"contact.{name}: presses from the start, undeformed under its loads, and rings about their balance; "
                 "simulation.start = 'equilibrium' begins there, if bodies can rest"

@@ -23,6 +23,7 @@ from fmd.core.limits.contact import (
 from fmd.core.limits.errors import SAFETY
 from fmd.recovery.motion import Motion
 from fmd.recovery.wear import worn_faces
+from fmd.stages.contact_steps import leave_fastest_out
 from fmd.stages.pipeline import Pipeline
 
 if TYPE_CHECKING:
@@ -78,12 +79,13 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
         found += [{"code": "contact-worn", "text": text} for text in _wear_faults(motion)]
         found += [{"code": "contact-coarse", "text": text} for text in _coarse_faults(motion)]
         found += [{"code": "contact-unseen", "text": text} for text in describe_depths(run, motion).values()]
+    rings = leave_fastest_out(run.scene)
     for name, body, face in run.scene.touching_faces:
         if raised := run.parts[body].contact_points.raised:
             text = (
                 f"contact.{name}: the modes of {body} have nearly all of its mesh's flexibility at the face; in "
                 f"{raised:.0%} of its directions some was added, which takes short steps; fewer modes or smaller "
-                "elements help"
+                f"elements help{rings and f'{rings}, which ring in forces of central differences'}"
             )
             found.append({"code": "contact-flexibility", "text": text})
         depth, why = _unseen_depth(run, name, body, face) if run.scene.contact[name].on_ground else (0.0, "")

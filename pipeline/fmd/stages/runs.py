@@ -375,7 +375,8 @@ def _march(run: Pipeline, label: str, plan: Plan) -> Trajectory:
                 raise AccuracyError(f"{error}; {cause}") from error
         if isinstance(error, ConvergenceError):  # static responses may stall it at any step
             left = leave_fastest_out(run.scene)
-            damped = "; rho = 0 damps them" if left and bool(getattr(plan.integrator, "rho", 0.0)) else ""
+            key = f"simulation.run.{[*run.plans].index(label)}.rho"
+            damped = f"; {key} = 0 damps them" if left and getattr(plan.integrator, "rho", 0.0) else ""
             raise ConvergenceError(f"{error}{left}{damped}") from error
         raise
 
