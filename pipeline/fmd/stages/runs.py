@@ -376,7 +376,7 @@ def _march(run: Pipeline, label: str, plan: Plan) -> Trajectory:
         if isinstance(error, ConvergenceError):  # static responses may stall it at any step
             left = leave_fastest_out(run.scene)
             key = f"simulation.run.{[*run.plans].index(label)}.rho"
-            damped = f"; {key} = 0 damps them" if left and getattr(plan.integrator, "rho", 0.0) else ""
+            damped = f"; {key} = 0 damps them" if left and bool(getattr(plan.integrator, "rho", 0.0)) else ""
             raise ConvergenceError(f"{error}{left}{damped}") from error
         raise
 
