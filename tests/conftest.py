@@ -37,6 +37,7 @@ os.environ.update(_with_own_cache(_CACHE))
 import jsonschema
 import numpy as np
 import pytest
+from _pytest.runner import runtestprotocol
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers
 from scipy.integrate import simpson
@@ -239,6 +240,20 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("long"):
             item.add_marker("slow")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Send one report of a test that passed to the process that counts them: five messages take longer than many."""
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        return None
+    duration = 0.0
+    for report in runtestprotocol(item, log=False, nextitem=nextitem):
+        duration += report.duration
+        if report.when == "call" or not report.passed:
+            report.duration = duration
+            item.ihook.pytest_runtest_logreport(report=report)
+    return True
 
 
 def pytest_collection_finish() -> None:

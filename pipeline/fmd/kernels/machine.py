@@ -60,6 +60,9 @@ def _target(triple: str = "", effort: int = 3) -> Any:
     return llvm.Target.from_default_triple().create_target_machine(cpu=name, features=features, opt=effort, jit=True)
 
 
+_code_generator = cache(_target)  # those of loaded objects are theirs
+
+
 def compile_object(source: str, level: int = 0, triple: str = "", effort: int = 3) -> bytes:
     """Compile a module of LLVM's language to an object file, for this machine or one such as ``aarch64-apple-darwin``.
 
@@ -70,7 +73,7 @@ def compile_object(source: str, level: int = 0, triple: str = "", effort: int = 
     ``effort`` 0 a function of 180 kB is compiled in a fifth of the time that 3 takes, and runs two to three times as
     long.
     """
-    target = _target(triple, effort)
+    target = _code_generator(triple, effort)
     module = llvm.parse_assembly(source)
     module.triple, module.data_layout = target.triple, str(target.target_data)
     module.verify()

@@ -26,7 +26,7 @@ class LaneEmitter:
     def __init__(
         self, program: Program, out: ChunkWriter, scalars: dict[int, str], vectors: dict[int, list[Chunk]]
     ) -> None:
-        self._program, self._graph, self._out = program, program.graph, out
+        self._graph, self._out = program.graph, out
         self._plain_scalars, self._plain_vectors = scalars, vectors
         self._scalars: dict[int, str] = {}
         self._vectors: dict[int, list[str]] = {}
@@ -34,13 +34,6 @@ class LaneEmitter:
         self._far_turns: dict[int, tuple[str, str]] = {}
         self._tables: dict[bytes, str] = {}
         self.functions: set[str] = set()
-
-    def depends(self, number: int) -> bool:
-        """Return whether a node differs from lane to lane; those that it takes have been written."""
-        operation, arguments, data, _ = self._graph.nodes[number]
-        if operation in ("input", "vector input"):
-            return data[0] in self._program.lanes  # type: ignore[index]
-        return any(k in self._scalars or k in self._vectors for k in arguments)
 
     def write(self, number: int) -> None:
         """Write a node's value in all lanes."""

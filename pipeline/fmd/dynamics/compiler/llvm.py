@@ -137,9 +137,10 @@ class _Emitter:
 
     def write_nodes(self) -> None:
         """Write all nodes."""
+        wide = self._program.in_lanes
         for number in self._program.nodes:
             node = self._graph.nodes[number]
-            if self.lanes.depends(number):
+            if number in wide:
                 self.lanes.write(number)
             elif node.size or node.operation == "array":
                 self._vectors[number] = self._vector(number)

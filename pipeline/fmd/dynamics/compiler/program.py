@@ -51,7 +51,7 @@ class Program:
     def in_lanes(self) -> set[int]:
         """Numbers of the nodes that differ from lane to lane."""
         wide = set[int]()
-        for number in self.nodes:
+        for number in self.nodes if self.lanes else ():
             operation, arguments, data, _ = self.graph.nodes[number]
             inputs = operation in ("input", "vector input")
             if data[0] in self.lanes if inputs else not wide.isdisjoint(arguments):  # type: ignore[index]
