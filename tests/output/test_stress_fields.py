@@ -150,10 +150,10 @@ def test_a_life_lies_between_those_of_less_and_of_more_stress(run: Pipeline) -> 
 
 
 def test_extremes_and_lives_of_a_finer_model_lie_within_the_errors(scene: Path, fmd: Callable[..., int]) -> None:
-    """Against 60 elements in place of 8, and 20 modes in place of 3, which no variant of the budget has."""
+    """Against 40 elements in place of 8, and 12 modes in place of 3, which no variant of the budget has."""
     own, finer = scene.parent / "own", scene.parent / "finer"
     assert fmd("run", scene, "--out", own, "--no-pictures", "--budget-seconds", "100") == 0
-    finely = ("--set", "body.bar.mesh.divisions=[30, 2, 1]", "--set", "body.bar.modes.count=20")
+    finely = ("--set", "body.bar.mesh.divisions=[20, 2, 1]", "--set", "body.bar.modes.count=12")
     assert fmd("run", scene, "--out", finer, "--no-pictures", "--no-budget", *finely) == 0
     errors = {row["column"]: row for row in read_rows(own / "envelope-errors.csv")}
     true = json.loads((finer / "summary.json").read_text())["envelope"]["bar"]

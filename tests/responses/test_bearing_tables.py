@@ -216,7 +216,8 @@ def test_errors_are_stated_beside_tables_over_whirl(tmp_path: Path) -> None:
     file = tmp_path / "shaft.toml"
     file.write_text(SHAFT)
     rows = "{ over = 'whirl', arguments = [0, 600], values = [40, 12], unit = 'MN/m' }"
-    run = Pipeline(load_scene(file, [f"bearing.left.radial={rows}", "body.rotor.modes.count=3"]))
+    coarse = ["body.rotor.mesh.size=60 mm", "body.rotor.modes.count=3"]
+    run = Pipeline(load_scene(file, [f"bearing.left.radial={rows}", *coarse]))
     rates = np.array([0.0, 300.0])
     frequencies = np.array([find_vibrations(run)(rate).frequencies_hz[:2] for rate in rates])
     errors = estimate_frequency_errors(run, rates, frequencies)

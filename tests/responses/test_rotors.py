@@ -204,7 +204,7 @@ E = "210 GPa"
 nu = 0.3
 rho = "7850 kg/m^3"
 mesh = {{ divisions = [6, 1, 1] }}
-modes = {{ count = 4, enrich = "residual" }}
+modes = {{ count = 2, enrich = "residual" }}
 marker = {{ near = {{ face = "x-" }}, far = {{ face = "x+" }} }}
 
 [body.last]

@@ -50,7 +50,9 @@ start = "equilibrium"
 run = [{ integrator = "auto" }]
 """
 WHOLE = HALF.replace("NAME", "left").replace("LENGTH", "1")
-LEFT, RIGHT = (HALF.replace("NAME", name).replace("LENGTH", "0.5") for name in ("left", "right"))
+LEFT, RIGHT = (
+    HALF.replace("NAME", name).replace("LENGTH", "0.5").replace("[20,", "[16,") for name in ("left", "right")
+)
 WELD = '[joint.wall]\ntype = "fixed"\nparent = "ground.wall"\nchild = "{}.tip"\n'
 BUSHING = """
 [bushing.wall]

@@ -184,7 +184,7 @@ def test_the_elastica_keeps_its_energy_where_nothing_drives_it(module: Any) -> N
     case.table["drive"] = {}
     case.table["simulation"]["gravity"] = ["0 m/s^2"] * 3
     case.table["joint"]["hub"]["rate"] = "5 rad/s"
-    line = references.Elastica(case, 7)
+    line = references.Elastica(case, 5)
     _, motion = line.march()
     energies = []
     for y in motion[::50]:
