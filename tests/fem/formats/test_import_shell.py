@@ -233,6 +233,7 @@ def test_thickness_comes_from_the_nodes_of_a_deck(deck: str, tmp_path: Path) -> 
         ("PSHELL,7,1,2.0,1,1.3", "", "PSHELL 7 has 12I/T"),
         ("PSHELL,7,1,2.0", "", "PSHELL 7 bends by another material"),
         ("PCOMPG,7", "", "PCOMPG 7"),
+        ("PSHELL,7,1,2.0,1,,1\nSNORM,3,,0.,0.,1.", "", "SNORM 3"),
         ("PCOMP,7\n+,1,2.0", "\n+,,,2.0,2.0,2.1,2.1", "PCOMP 7 is of elements with thicknesses of their own and 23"),
     ],
 )
@@ -260,6 +261,7 @@ NODAL = "*SHELL SECTION, ELSET=ALL-S4, NODAL THICKNESS\n1.0\n*NODAL THICKNESS"
         (NODAL + "\nedges, 2.0", "THICKNESS of edges, which is no node"),
         ("*SHELL SECTION, ELSET=ALL-S4, SHELL THICKNESS=D\n1.0", "with SHELL THICKNESS"),
         ("*SHELL GENERAL SECTION, ELSET=ALL-S4\n1.0", "SHELL GENERAL SECTION"),
+        ("*SHELL SECTION, ELSET=ALL-S4\n1.0\n*NORMAL\n1, 1, 0., 0.6, 0.8", r"read: \*NORMAL, their normals; give"),
         ("*SHELL SECTION, ELSET=ALL-S4, OFFSET=EDGE\n1.0", "neither a share nor SPOS"),
         ("*SHELL SECTION, ELSET=ALL-S4\n,5", "has no thickness"),
     ],

@@ -127,6 +127,9 @@ def _take(deck: Deck, keyword: str, options: dict[str, str], data: list[list[str
         case "NODAL THICKNESS":
             deck.thickness_faults += [f"*NODAL THICKNESS with {option}" for option in options]
             deck.nodal_thickness += [(_number_or_name(row[0]), read_real(row[1])) for row in data if len(row) > 1]
+        case "NORMAL":
+            deck.thickness_faults.append("*NORMAL, their normals")
+            deck.beams.faults.append("*NORMAL, their directions")
         case "ORIENTATION":
             deck.directions[options.get("NAME", "").casefold()] = orientation_direction(options, data)
         case "BEAM SECTION" | "BEAM GENERAL SECTION":

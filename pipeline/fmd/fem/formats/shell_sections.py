@@ -43,7 +43,7 @@ class NastranShells:
         if name == "PCOMP":
             self.sections[fields[0]] = _composite(fields, self.faults)
             return True
-        if name in ("PCOMPG", "PCOMPP", "PSHEAR"):
+        if name in ("PCOMPG", "PCOMPP", "PSHEAR", "SNORM"):  # the last: a normal at a grid point
             self.faults.append(f"{name} {fields[0]}")
             return True
         return False
