@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy.error_budget import ERROR_BUDGET
-from fmd.accuracy.quantities import match_shapes
+from fmd.accuracy.quantities import find_counterparts
 from fmd.core.cache import Cache
 from fmd.fem.assembly import _mass, _stiffness, assemble
 from fmd.fem.markers import face_marker
@@ -164,7 +164,7 @@ def propeller():
             yield [name, "", "", "", "", "", "", f"{min(matrices):.2g}", f"{modes:.3g}"]
             continue
         theirs, their_pairs, their_u = exact
-        numbers = match_shapes(fe.x, pairs.shapes, theirs.x, theirs.m, their_pairs.shapes)
+        numbers, _ = find_counterparts(fe.x, pairs.shapes, theirs.x, theirs.m, their_pairs.shapes, their_pairs.omega)
         errors = pairs.omega / their_pairs.omega[numbers] - 1
         corners = cKDTree(theirs.x).query(fe.x)[1]
         apart = np.linalg.norm(u - their_u[corners]) / np.linalg.norm(their_u[corners])

@@ -8,7 +8,7 @@ import pytest
 from fmd.accuracy.changed_bodies import keep_lowest, retune_body, soften_body
 from fmd.accuracy.error_budget import Budget
 from fmd.accuracy.error_estimates import NO_PART, Quantity, Row, refinement_gain, shifted_frequencies
-from fmd.accuracy.quantities import find_counterparts, match_shapes
+from fmd.accuracy.quantities import find_counterparts
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.inertia import inertia_integrals
 
@@ -65,7 +65,7 @@ def test_shapes_that_changed_places_are_found() -> None:
     x = np.random.default_rng(0).uniform(size=(40, 3))
     shapes = np.linalg.qr(np.random.default_rng(1).standard_normal((120, 6)))[0].reshape(40, 3, 6)
     order = np.array([3, 0, 5, 1, 4, 2])
-    found = match_shapes(x, shapes[:, :, order[:4]], x, np.eye(40), -shapes)
+    found, _ = find_counterparts(x, shapes[:, :, order[:4]], x, np.eye(40), -shapes, np.arange(1.0, 7.0))
     assert found.tolist() == order[:4].tolist()
 
 
@@ -79,12 +79,6 @@ def test_shapes_that_turned_in_their_plane_are_alike_and_noise_is_not() -> None:
     assert sorted(numbers[:2]) == [0, 1]
     assert alike[:2] == pytest.approx([1.0, 1.0])
     assert (alike[2:] < 0.1).all()
-
-
-def test_too_few_shapes_are_told() -> None:
-    shapes = np.ones((4, 3, 2))
-    with pytest.raises(ValueError, match="the other mesh has 1 shapes, fewer than 2"):
-        match_shapes(np.eye(4, 3), shapes, np.eye(4, 3), np.eye(4), shapes[:, :, :1])
 
 
 def body_of(x: np.ndarray, shapes: np.ndarray, omega: np.ndarray) -> FlexibleBody:

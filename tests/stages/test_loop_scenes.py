@@ -346,3 +346,13 @@ def test_a_pin_some_micrometres_off_is_not_said_to_be_far_from_where_loops_close
     simulation = PRESS["simulation"] | {"tip": "crank.b"}
     scene = PRESS | {"ground": places, "body": bodies, "joint": joints, "drive": drive, "simulation": simulation}
     assert [warning["code"] for warning in loop_warnings(Pipeline(load_scene(scene)))] == ["start-moved"]
+
+
+def test_what_constraints_yield_is_known_before_anything_is_compiled() -> None:
+    """At two positions of the crank, against J M⁻¹ Jᵀ by the constraints' rates and the mass matrix."""
+    system = Pipeline(load_scene("slider-crank", ["body.rod.mesh.divisions=[4, 1, 1]"])).system
+    inputs, q = system.compiled.signal_values(0.0), np.tile(system.mechanism.rest_positions, (2, 1))
+    q[1] += np.linspace(0.01, 0.1, q.shape[1])
+    for found, at in zip(system.compiled.compliances(q), q, strict=True):
+        J, _ = system.compiled.constraint_rates(0.0, at)
+        np.testing.assert_allclose(found, J @ np.linalg.solve(system.compiled.mass_matrix(inputs, at), J.T), rtol=1e-8)

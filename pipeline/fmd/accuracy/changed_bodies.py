@@ -95,5 +95,4 @@ def _combined(body: FlexibleBody, weights: Array, omega: Array) -> FlexibleBody:
 
 
 def _in_new(forms: Array, weights: Array) -> Array:
-    """Quadratic forms (…, n, n) in other coordinates; empty forms stay empty."""
     return np.asarray(weights.T @ forms @ weights) if forms.size else forms

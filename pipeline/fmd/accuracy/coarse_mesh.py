@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from fmd.accuracy.changed_bodies import retune_body, soften_body
 from fmd.accuracy.error_estimates import refinement_gain
-from fmd.accuracy.quantities import find_counterparts, match_modes
+from fmd.accuracy.quantities import find_counterparts, likeness_of, match_modes
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import Cache
-from fmd.core.limits.errors import ALIKE, ALIKE_MODES, MORE_COARSE_MODES
+from fmd.core.limits.errors import ALIKE, ALIKE_MODES, MIXED_MODE, MORE_COARSE_MODES
 from fmd.core.limits.round_off import SOLVED
 from fmd.fem.joined import JoinedMesh
 from fmd.reduction.body import FlexibleBody
@@ -61,13 +61,16 @@ class Pair:
     def excess_of_modes(self, name: str) -> tuple[Array, NDArray[np.bool_]]:
         """Return the relative excess of the squares of a part's frequencies, and which modes have a match, (n,) each.
 
-        Few elements have no such shape as a high mode is, and what is least unlike it may have any frequency.
+        Few elements have no such shape as a high mode is, and what is least unlike it may have any frequency. Modes of
+        nearly the same frequency are turned into each other where that of one is off: of all that a mode is mixed from,
+        the farthest counts.
         """
         own, other, m = self.run.parts[name], self.coarse.parts[name], self.coarse.parts[name].fe.m
-        shapes, theirs = other.modes.shapes, other.modes.omega
-        numbers, alike = find_counterparts(own.fe.x, own.modes.shapes, other.fe.x, m, shapes, theirs)
-        excess = ((theirs[numbers] / own.modes.omega) ** 2 - 1) / self.gains["displacement"]
-        return np.asarray(excess), alike > ALIKE_MODES
+        likeness = likeness_of(own.fe.x, own.modes.shapes, other.fe.x, m, other.modes.shapes)
+        mixed = likeness > MIXED_MODE
+        excess = np.where(mixed, (other.modes.omega / own.modes.omega[:, None]) ** 2 - 1, 0.0)
+        farthest = np.take_along_axis(excess, np.abs(excess).argmax(axis=1)[:, None], axis=1)[:, 0]
+        return farthest / self.gains["displacement"], (likeness * mixed).sum(axis=1) > ALIKE_MODES
 
     def excess_of_shapes(self, name: str) -> tuple[Array, NDArray[np.bool_]]:
         """Return the relative excess of a body's squared frequencies, and which shapes have a match, (n,) each."""

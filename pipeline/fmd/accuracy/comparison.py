@@ -158,7 +158,6 @@ class Comparison:
         self.frames = np.unique(np.concatenate(frames))
 
     def _forecast(self, method: Any) -> float:
-        """Forecast the seconds of a march by the steps, or the tolerance, of the first one by this kind of method."""
         before: Any
         before, seconds = self._marched.get(type(method), (method, 0.0))
         if method.step:

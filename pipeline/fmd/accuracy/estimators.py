@@ -183,7 +183,6 @@ class Estimates(Comparison):
         return errors | dict.fromkeys(unknown, OTHER_LOOPS)
 
     def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
-        """Estimate the mesh's error: the shift of the frequencies, and everything else that a coarser mesh changes."""
         pair = self.pair
         errors: dict[str, float | str] = dict.fromkeys(self.quantities, pair if isinstance(pair, str) else NO_PART)
         for name in self.run.parts:
@@ -216,7 +215,6 @@ class Estimates(Comparison):
             return make_coarse_pair(self.run)
 
     def _pair_across(self) -> Pair | None:
-        """Return the run and its scene with more elements from side to side, if it has few and time is left."""
         if divide_few_elements(self.run.scene) is None:
             return None
         try:
@@ -232,7 +230,6 @@ class Estimates(Comparison):
         self.mesh_left_out = f"{why}" if isinstance(why, LeftOutError) else f"not estimated: {why}"
 
     def _march_shifts(self) -> dict[str, float | str]:
-        """March all shifts but the first, which has been; each that is done counts."""
         for shift in _SHIFTS[1:]:
             self._march_shift(self._excess, shift)
         return {}
@@ -295,7 +292,6 @@ class Estimates(Comparison):
 
     @property
     def _places(self) -> dict[str, Array]:
-        """Middles of the named elements of each body [m], which are looked for on other meshes."""
         return {name: part.element_places for name, part in self.run.parts.items() if part.elements}
 
     def _shifts_and_shapes(self) -> dict[str, float]:
@@ -355,7 +351,6 @@ class Estimates(Comparison):
 
 
 def _is_next_to_rigid_face(part: FlexiblePart, node: int) -> bool:
-    """Return true for a node of an element on a rigid face that isn't on the face itself, where stress has no limit."""
     rigid = [marker.nodes for marker in part.markers.values() if marker.rigid]
     if not rigid or any(node in nodes for nodes in rigid):
         return False

@@ -149,7 +149,6 @@ def stress_variable(run: Pipeline, body: str, node: int, motion: Motion) -> Vari
 
 
 def _sizes_of_loads(motion: Motion) -> Iterator[tuple[str, float]]:
-    """Yield units and largest sizes of joints' forces and moments, and of the acceleration of each body's far end."""
     loads = np.reshape([*motion.joint_loads.reactions.values()], (-1, 2, 3))
     yield from zip(("N", "N m"), np.abs(loads).max(axis=(0, 2), initial=0.0).tolist(), strict=True)
     for number, link in enumerate(motion.mechanism.links):

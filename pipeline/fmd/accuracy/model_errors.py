@@ -68,52 +68,42 @@ class ModelErrors:
 
         These are shifted vibrations, stiffening, attachment and damping.
         """
-        causes: tuple[tuple[str, Callable[[], dict[str, float] | None], str, bool], ...] = (
+        causes: tuple[tuple[str, Callable[[], dict[str, float] | None], str], ...] = (
             (
                 "stiffening left off",
                 self._stiffening,
                 "geometric stiffening is off; simulation.stiffening = 'on' takes it in",
-                True,
             ),
             (
                 "shifted vibrations",
                 self._shifted_vibrations,
                 "vibrations of large deflection ring at other frequencies; pieces take this in",
-                True,
             ),
             (
                 "large deflection",
                 self._large_deflection,
                 "deformation is linear within a body's frame; more pieces of a body take more of it in",
-                True,
             ),
-            (
-                "stretching",
-                self._stretching,
-                TEXT,
-                True,
-            ),
+            ("stretching", self._stretching, TEXT),
             (
                 "attachment",
                 self._attachment,
                 "a clamped root is fixed on average; attachment = 'rigid' of its marker fixes every point of it",
-                True,
             ),
             (
                 "plane sections",
                 self._plane_sections,
                 "sections of layers stay plane; solid elements in each ply take their warping in",
-                True,
             ),
             (
                 "no damping",
                 self._damping,
                 f"a body has no damping, and its vibrations never die; with {100 * limits.BARE_METAL:g} % of critical, "
                 "as of bare metal, results would change so much; modes.damping of the body takes it in",
-                False,
             ),
         )
-        for cause, estimate, text, counted in causes:
+        for cause, estimate, text in causes:
+            counted = cause != "no damping"  # a scene may mean it so
             try:
                 with self._comparison.limit.ends_searches():
                     errors = estimate()
@@ -148,7 +138,6 @@ class ModelErrors:
         return comparison.changes(comparison.quantities_of(other, motion, as_if=forces), ours)
 
     def _softened(self, excess: dict[str, Array]) -> dict[str, float]:
-        """Return the change of the motion with parts of some bodies' stiffness (n, n) taken off."""
         bodies, forces = (
             dict(self._run.bodies),
             {name: np.eye(len(own.omega)) for name, own in self._run.bodies.items()},
@@ -158,7 +147,6 @@ class ModelErrors:
         return self._changes(self._run.with_bodies(bodies), forces)
 
     def _shifted_vibrations(self) -> dict[str, float] | None:
-        """Return the change of the motion where each body rings as deflections of its size make it ring."""
         shifts = {name: self._shift_of_eigenvalues(name) for name in self._run.deformations}
         if not max(shifts.values(), default=0.0) > limits.HARDLY_SHIFTED:
             return None
@@ -188,7 +176,6 @@ class ModelErrors:
         return errors
 
     def _shift_of_eigenvalues(self, name: str) -> float:
-        """Return the relative shift of a body's eigenvalues by its largest rotation."""
         bowed = any(marker.displacement2.size for marker in self._run.bodies[name].markers.values())
         share = limits.OF_EIGENVALUE_SECOND_ORDER if bowed else limits.OF_EIGENVALUE
         return share * self._run.deformations[name].rotation ** 2

@@ -40,7 +40,7 @@ def mesh_quantities(run: Pipeline, like: Pipeline | None = None) -> Quantities:
 def match_modes(part: FlexiblePart, other: FlexiblePart) -> Modes:
     """Return the modes of another mesh's part that are most like a part's, in its order."""
     modes = other.modes
-    numbers = match_shapes(part.fe.x, part.modes.shapes, other.fe.x, other.fe.m, modes.shapes)
+    numbers, _ = find_counterparts(part.fe.x, part.modes.shapes, other.fe.x, other.fe.m, modes.shapes, modes.omega)
     places = tuple(modes.numbers[k] for k in numbers)
     return replace(modes, omega=modes.omega[numbers], shapes=modes.shapes[:, :, numbers], numbers=places)
 
@@ -71,7 +71,6 @@ def motion_quantities(motion: Motion, fine: Motion) -> Quantities:
 
 
 def _lies_in_space(motion: Motion) -> list[Quantity]:
-    """Return orientation and position of the bodies on joints that have several coordinates."""
     found: list[Quantity] = []
     for number, link in enumerate(motion.mechanism.links):
         if link.n_rates < 2:
@@ -145,36 +144,18 @@ def _by_name(found: list[Quantity]) -> Quantities:
     return {quantity.name: quantity for quantity in found}
 
 
-def match_shapes(x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array) -> IntArray:
-    """Return the numbers of the other mesh's shapes that are most like each shape (n_nodes, 3, n), all different.
-
-    Likeness is the modal assurance criterion, with shapes sampled at the nearest node x to each of the other's. Those
-    are mass-normalised, (n_nodes', 3, n') with n' ≥ n, and ``other_m`` is the other's scalar mass matrix.
-
-    Raises
-    ------
-    ValueError
-        The other has fewer shapes.
-    """
-    if other_shapes.shape[2] < shapes.shape[2]:
-        raise ValueError(f"the other mesh has {other_shapes.shape[2]} shapes, fewer than {shapes.shape[2]}")
-    from scipy.optimize import linear_sum_assignment
-
-    likeness = _likeness(x, shapes, other_x, other_m, other_shapes)
-    return np.asarray(linear_sum_assignment(likeness, maximize=True)[1], dtype=np.int64)
-
-
 def find_counterparts(
     x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array, other_omega: Array
 ) -> tuple[IntArray, Array]:
-    """Return the most similar shapes of the other mesh, which may have fewer, and their likeness, 0 … 1, (n,) each.
+    """Return the most similar shapes of the other mesh, all different, and their likeness, 0 … 1, (n,) each.
 
-    Shapes of one frequency may be turned into each other: the likeness to any of them counts. A shape without a
-    counterpart has likeness 0.
+    Likeness is the modal assurance criterion. The other's shapes (n_nodes', 3, n') may be fewer, and are
+    mass-normalised; ``other_m`` is its scalar mass matrix. Shapes of one frequency may be turned into each other: the
+    likeness to any of them counts. A shape without a counterpart has likeness 0.
     """
     from scipy.optimize import linear_sum_assignment
 
-    likeness = _likeness(x, shapes, other_x, other_m, other_shapes)
+    likeness = likeness_of(x, shapes, other_x, other_m, other_shapes)
     rows, columns = linear_sum_assignment(likeness, maximize=True)
     numbers, alike = np.zeros(len(likeness), dtype=np.int64), np.zeros(len(likeness))
     numbers[rows] = columns
@@ -183,7 +164,11 @@ def find_counterparts(
     return numbers, alike
 
 
-def _likeness(x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array) -> Array:
+def likeness_of(x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array) -> Array:
+    """Return the modal assurance criterion of each shape (n_nodes, 3, n) with each of the other mesh's, (n, n').
+
+    Shapes are sampled at the nearest node x to each of the other's.
+    """
     from scipy.spatial import cKDTree
 
     seen = shapes[cKDTree(x).query(other_x)[1]]

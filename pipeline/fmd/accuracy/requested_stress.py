@@ -167,7 +167,6 @@ def enveloped_bodies(scene: Scene) -> list[str]:
 
 
 def _requests(scene: Scene) -> Iterator[tuple[Sequence[str], Sequence[str], bool]]:
-    """Yield names, components, and whether they are of nodes, of each output that holds stress at places."""
     for output in scene.output:
         if isinstance(output, histories.Quantities):
             if "element_stress" in output.quantities:

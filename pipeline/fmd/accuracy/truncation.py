@@ -54,7 +54,6 @@ def reactions_of_other_loops(of: Comparison, rich: Pipeline) -> list[str]:
 
 
 def _by_one_method(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) -> BasisComparison | None:
-    """Compare the run with a richer basis by the run's method, if it serves for both."""
     if of.beside[0] is not of.plan:
         return None  # it is too slow for variants of the run's own size already
     try:

@@ -200,10 +200,8 @@ def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) ->
         moved = close_by(rigid, moved, np.arange(rigid.n), np.ones(rigid.n))
         states += [moved] if open_residual(rigid, moved) <= limits.OPEN else []
     system = CompiledSystem(mechanism)
-    largest = np.zeros(len(system.compiled.rows))
-    for state in states:
-        _, S = system.compiled.multipliers(0.0, undeformed_positions(mechanism, rigid.mechanism, state))
-        largest = np.maximum(largest, S.diagonal() / system.constraint_scales)
+    places = np.array([undeformed_positions(mechanism, rigid.mechanism, state) for state in states])
+    largest = (system.compiled.compliances(places).diagonal(axis1=1, axis2=2) / system.constraint_scales).max(axis=0)
     driven, at_start = np.zeros(len(largest)), undeformed_positions(mechanism, rigid.mechanism, q)
     for t in np.linspace(0.0, mechanism.horizon, DRIVEN_MOMENTS):
         _, rates = system.compiled.residuals(float(t), at_start, np.zeros(mechanism.n))
@@ -227,7 +225,7 @@ def movable_rigid(mechanism: Mechanism) -> Mechanism:
         return rigid
     from scipy.linalg import qr
 
-    _, S = system.compiled.multipliers(0.0, rigid.rest_positions)
+    S = system.compiled.compliances(rigid.rest_positions[None])[0]
     scale = np.sqrt(system.constraint_scales)
     _, _, order = qr(S / np.outer(scale, scale), pivoting=True)
     beyond = [system.compiled.rows[k] for k in order[rigid.n :]]
@@ -255,7 +253,7 @@ def undeformed_positions(mechanism: Mechanism, rigid: Mechanism, q: Array) -> Ar
 
 def constraint_rank(system: CompiledSystem, q: Array) -> int:
     """Return how many constraints are independent at positions q."""
-    _, S = system.compiled.multipliers(0.0, q)
+    S = system.compiled.compliances(q[None])[0]
     if not len(S):
         return 0
     scale = np.sqrt(system.constraint_scales)

@@ -193,7 +193,6 @@ def plan_frozen(plan: Plan, variant: Pipeline) -> Plan:
 
 
 def _draft_plan(built: Pipeline, k: int, given: float | None) -> Plan:
-    """Plan a run as the scene has it, whose stability isn't known yet."""
     simulation = built.scene.simulation
     run = simulation.run[k]
     key = step_key(built.scene, k)

@@ -5,6 +5,7 @@
 # alike tells of the shapes it is mixed with, as of vectors that round-off alone sets apart, and not of the mesh.
 ALIKE = 0.95
 ALIKE_MODES = 0.5  # the same of modes, whose frequencies are results: less than half of it is another one
+MIXED_MODE = 0.2  # of the criterion: a mode has that much of each of those that it is mixed from
 MORE_COARSE_MODES = 1.5  # modes of the coarse mesh to find the run's among
 SAME_FREQUENCY_OF_MESHES = 0.02  # relative: of shapes that the mesh alone keeps apart
 

@@ -249,6 +249,18 @@ class CompiledMechanism:
         both = _in_blocks(along, np.eye(len(self.rows)), n + len(self.rows))
         return both[:n], both[n:]
 
+    def compliances(self, q: Array) -> Array:
+        """Return ``J M̂⁻¹ Jᵀ`` at positions (n_states, n_positions), shape (n_states, n_rows, n_rows).
+
+        Nothing is compiled for it.
+        """
+        n_rows, n = len(self.rows), len(q) * len(self.rows)
+        if not n_rows:
+            return np.zeros((len(q), 0, 0))
+        units = {"f": np.tile(np.eye(n_rows), (len(q), 1))}
+        state = np.zeros(n), np.repeat(q, n_rows, axis=0), np.zeros((n, self.mechanism.n))
+        return self._over("multipliers", *state, units)[:, -n_rows:].reshape(len(q), n_rows, n_rows).swapaxes(1, 2)
+
     def constraint_jacobian(self, t: float, q: Array) -> Array:
         """Return J of the constraints' rates ``J v + …``, shape (n_rows, n)."""
         X, _ = self.multipliers(t, q)
