@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fmd.contact.histories import BEGIN, END, ENERGY, ERROR, IMPULSE
+from fmd.contact.histories import AREA, BEGIN, END, ENERGY, ERROR, IMPULSE, N_VALUES
 from fmd.core.errors import StabilityError
 from fmd.dynamics.compiled_system.shared import share_system
+from fmd.dynamics.compiled_system.tangents import Direction, TangentSystem
 from fmd.dynamics.kinematics import Kinematics
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.exponential import Exponential
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.protocol import Trajectory
 from fmd.integrators.runge_kutta import RungeKutta
 from tests.contact.touching_mechanisms import LENGTH, RHO, bouncing_bar
@@ -44,6 +46,29 @@ def test_a_bouncing_bar_has_the_exact_impulse_speed_and_time_of_contact() -> Non
     at = np.arange(110, 160, 5)  # means over 0.1 s, since a truncated shock rings
     mean = (motion.contacts[at + 5, IMPULSE] - motion.contacts[at - 5, IMPULSE]) / 0.1
     np.testing.assert_allclose(mean, 300.0 + 300.0 * (motion.times[at] - 1.0), rtol=0.03)
+
+
+@pytest.mark.parametrize("method", [CentralDifference, GeneralizedAlpha])
+def test_tangents_by_the_height_of_its_fall_are_exact_for_the_steps_and_near_those_of_the_exact_bar(
+    method: type[CentralDifference | GeneralizedAlpha],
+) -> None:
+    """It leaves with the speed √(2 g h) that it came with: a time τ after, its place changes by 2 g τ/√(2 g h) − 1."""
+    mechanism = bouncing_bar(10)
+    system = share_system(mechanism)
+    march, start, times = method(0.03 * system.largest_step), np.zeros(mechanism.n_positions), np.array([1.5, 1.9])
+    start[0] = LENGTH / 2 + FALL
+    along, rest = np.eye(mechanism.n)[0], np.zeros(mechanism.n)
+    touching = tuple(0.0 * x for x in system.contact_numbers(rest))
+    both: Any = TangentSystem(system, [Direction(np.zeros(0), [], along, rest, contact=touching)])
+    found = march.march(both, *both.join(start, rest), times)
+    assert found.contacts[0, AREA] > 0.0
+    q, v = (x[:, :, 0] for x in both.part(found.q, found.v))
+    low, high = (march.march(system, start + side * along, rest, times) for side in (-1e-6, 1e-6))
+    np.testing.assert_allclose(q, (high.q - low.q) / 2e-6, atol=1e-7)
+    np.testing.assert_allclose(v, (high.v - low.v) / 2e-6, atol=1e-5)
+    rows = (high.contacts - low.contacts)[:, N_VALUES:] / 2e-6
+    np.testing.assert_allclose(both.part_rows(found.contacts)[:, 0, N_VALUES:], rows, atol=1e-5 * np.abs(rows).max())
+    assert q[-1, 0] == pytest.approx(2.0 * (1.9 - 5 / 3) - 1.0, abs=0.03)  # as of the first order of the step
 
 
 def test_its_energy_stays_over_ten_periods() -> None:

@@ -9,8 +9,11 @@ import pytest
 
 import fmd as package
 from fmd.core.errors import InputError
+from fmd.fitting.frozen_run import FrozenRun
+from fmd.fitting.parameters import find_parameter
 from fmd.fitting.sensitivities import Sensitivity
-from fmd.output.channels import ResultChannel, find_channels
+from fmd.output.channels import ResultChannel, find_all_channels, find_channels
+from tests.contact.test_contact_points import BLOCK
 from tests.contact.test_rigid_contacts import BALL, RADIUS, SPEED, free, scene
 from tests.fitting.test_optimise import PUSHED
 from tests.fitting.test_sensitivities import OSCILLATOR
@@ -120,28 +123,63 @@ def test_critical_speeds_are_found_beyond_a_slow_vibration_and_far_from_the_scen
         find_channels(run, "critical_speed")
 
 
-@pytest.mark.parametrize("key", ["body.ball.mass", "joint.free.velocity.2"])
-def test_contact_without_friction_has_differences_of_the_motion_within_their_error(key: str) -> None:
+def test_contact_without_friction_has_tangents_near_those_of_its_closed_form() -> None:
     """Of a ball that bounces: by Hertz's law its depth is ``A f(τ / T)``, τ from its touch of a plane at distance d on.
 
     A goes with ``m^2/5 v^4/5``, T with ``m^2/5 v^-1/5``, and the ball touches after d / v (Johnson, Contact Mechanics).
     """
-    gap, end = 1e-6, 3e-4
+    gap, end, keys = 1e-6, 3e-4, ["body.ball.mass", "joint.free.velocity.2", "body.ball.surface.skin.E"]
     joint = {"free": free("ball.centre", [0, 0, RADIUS + gap], [0, 0, -SPEED])}
     floor = {"between": ["ground", "ball.skin"], "normal": [0, 0, 1]}
     result = package.load(scene({"ball": BALL}, joint, {"floor": floor}, end, step=5e-7))
-    (found,) = package.jacobian(result, ["ball.centre.displacement.z"], [key])
-    assert found.lacking == "contact"
+    found = package.jacobian(result, ["ball.centre.displacement.z"], keys)
+    assert all(each.by_tangents for each in found)
     (velocity,) = find_channels(result.run, "ball.centre.velocity.z")
     tau = result.run.output_times - gap / SPEED
     touched = tau >= 0.0
-    depth, rate = found.value + gap, velocity.read(result.run)
+    depth, rate = found[0].value + gap, velocity.read(result.run)
     by_mass = 0.4 * (depth - tau * rate)
     by_speed = 0.8 * depth + (0.2 * tau + gap / SPEED) * rate
-    off = found.slope * found.parameter.value - (by_mass if key == "body.ball.mass" else by_speed)
-    size, error = np.abs(by_speed).max(), np.abs(found.error * found.parameter.value)
-    assert (np.abs(off) <= error)[touched].all()
-    assert error.max() < 2e-3 * size
+    size = np.abs(by_speed).max()
+    for each, exact in zip(found, (by_mass, by_speed, -by_mass), strict=True):
+        off, error = each.slope * each.parameter.value - exact, np.abs(each.error * each.parameter.value)
+        assert (np.abs(off) <= error)[touched].all()  # which is what half the steps change
+        assert error.max() < 1e-3 * size
+
+
+FALLING = {"position": ["0 m", "50.83 mm", "0 m"], "velocity": ["0 m/s", "-0.5 m/s", "0.1 m/s"]}
+ASLANT = BLOCK["joint"]["free"] | FALLING | {"rotate": ["0.5 deg", "0 deg", "0.3 deg"]}
+OFTEN = BLOCK["simulation"] | {"duration": "0.15 ms", "output_step": "10 us"}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("method", ["central-difference", "generalized-alpha"])
+def test_contact_of_a_flexible_block_has_the_derivatives_of_marches_with_the_same_closed_points(method: str) -> None:
+    """Numbers of equations, of shapes and flexibilities, of contacts and of the start, on the way into the ground."""
+    keys = ["simulation.gravity.1", "body.block.E", "body.block.width", "contact.floor.clearance"]
+    keys += ["joint.free.velocity.1", "joint.free.rotate.0"]
+    tables = BLOCK | {"joint": {"free": ASLANT}, "simulation": OFTEN}
+    floor = "contact.floor.clearance='-5 um'"
+    result = package.load(tables, f"simulation.run=[{{integrator='{method}', step='2 us'}}]", floor)
+    parameters = [find_parameter(result.run.scene, key) for key in keys]
+    frozen = FrozenRun(result.run)
+    motion, channels = frozen.at({}, by=parameters), find_all_channels(result.run, ["block.middle.velocity", "stress"])
+    pressed = motion.run.motion.contact_pressures["block"] > 0.0
+    assert pressed.any()
+    for parameter in parameters:
+        beside, found = frozen.beside(motion, parameter), list[Any]()
+        assert beside.by_tangents
+        for share in (4e-5, 2e-5):
+            sides = [frozen.at({parameter: parameter.value * (1.0 + side * share)}).run for side in (-1.0, 1.0)]
+            for side in sides:
+                np.testing.assert_array_equal(side.motion.contact_pressures["block"] > 0.0, pressed)
+            found.append([(each.read(sides[1]) - each.read(sides[0])) / (2.0 * share) for each in channels])
+        for each, rough, fine in zip(channels, *found, strict=True):
+            slope = (each.read(beside.high) - each.read(beside.low)) / (2.0 * beside.step) * abs(parameter.value)
+            size, key = np.abs(fine).max(), parameter.key
+            np.testing.assert_allclose(
+                slope, (4.0 * fine - rough) / 3.0, rtol=0, atol=1e-5 * size, err_msg=parameter.key
+            )
 
 
 def test_a_bar_that_rests_has_derivatives_by_its_load_with_implicit_steps_too() -> None:

@@ -27,7 +27,7 @@ def find_normal_forces(c: ContactTable, g: int) -> bool:
         active = c.n_factored[g]
         for k in range(active):
             c.b[k] = -c.free[c.chosen[first + c.factored[first + k]], 0]
-        _solve(c, g)
+        solve_active(c, g)
         largest = 0.0
         for own in range(count):
             c.force[c.chosen[first + own], 0] = 0.0
@@ -90,8 +90,8 @@ def _factor_active(c: ContactTable, g: int) -> bool:
 
 
 @inner
-def _solve(c: ContactTable, g: int) -> None:
-    """Solve ``L Lᵀ x = b`` into b."""
+def solve_active(c: ContactTable, g: int) -> None:
+    """Solve ``L Lᵀ x = b`` of the active points into b."""
     first, count = c.group[g], c.n_factored[g]
     size, n = c.group[g + 1] - first, c.first_entry[g, 1]
     for i in range(count):

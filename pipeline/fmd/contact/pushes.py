@@ -14,26 +14,29 @@ def push_bodies(c: ContactTable, g: int, q: Array, origins: Array, rotations: Ar
     They act on points where these are with their displacement by the forces, as the potential's derivative says, and at
     the same places on the other body, so that the momentum of both doesn't change.
     """
-    first = c.group[g]
     for own in range(c.n_chosen[g]):
-        i = c.chosen[first + own]
-        if c.force[i, 0] == 0.0:
-            continue
-        s = c.surface[i]
-        body, other = c.slave[s], c.master[s]
-        link = c.link[body]
-        if c.rounded[s] == 0:
-            _place_force(c, g, own, rotations[link])
-        _push_frame(c, i, link, c.own[i, 0], c.own[i, 1], c.own[i, 2], origins, rotations)
-        _push_modes(c, c.node[i], body, c.own[i, 0], c.own[i, 1], c.own[i, 2])
-        if other >= 0:
-            f0 = -(c.Q[i, 0, 0] * c.own[i, 0] + c.Q[i, 1, 0] * c.own[i, 1] + c.Q[i, 2, 0] * c.own[i, 2])
-            f1 = -(c.Q[i, 0, 1] * c.own[i, 0] + c.Q[i, 1, 1] * c.own[i, 1] + c.Q[i, 2, 1] * c.own[i, 2])
-            f2 = -(c.Q[i, 0, 2] * c.own[i, 0] + c.Q[i, 1, 2] * c.own[i, 1] + c.Q[i, 2, 2] * c.own[i, 2])
-            _push_frame(c, i, c.link[other], f0, f1, f2, origins, rotations)
-            for e in range(3 if c.primitive[s, 0] == 0.0 else 0):
-                w = c.weights[i, e]
-                _push_modes(c, c.foot[i, e], other, w * f0, w * f1, w * f2)
+        i = c.chosen[c.group[g] + own]
+        if c.force[i, 0] != 0.0:
+            if c.rounded[c.surface[i]] == 0:
+                _place_force(c, g, own, rotations[c.link[c.slave[c.surface[i]]]])
+            push_at_point(c, i, origins, rotations)
+
+
+@inner
+def push_at_point(c: ContactTable, i: int, origins: Array, rotations: Array) -> None:
+    """Add what the force on a point, where it acts, does to the frames and modes of both bodies."""
+    s = c.surface[i]
+    body, other = c.slave[s], c.master[s]
+    _push_frame(c, i, c.link[body], c.own[i, 0], c.own[i, 1], c.own[i, 2], origins, rotations)
+    _push_modes(c, c.node[i], body, c.own[i, 0], c.own[i, 1], c.own[i, 2])
+    if other >= 0:
+        f0 = -(c.Q[i, 0, 0] * c.own[i, 0] + c.Q[i, 1, 0] * c.own[i, 1] + c.Q[i, 2, 0] * c.own[i, 2])
+        f1 = -(c.Q[i, 0, 1] * c.own[i, 0] + c.Q[i, 1, 1] * c.own[i, 1] + c.Q[i, 2, 1] * c.own[i, 2])
+        f2 = -(c.Q[i, 0, 2] * c.own[i, 0] + c.Q[i, 1, 2] * c.own[i, 1] + c.Q[i, 2, 2] * c.own[i, 2])
+        _push_frame(c, i, c.link[other], f0, f1, f2, origins, rotations)
+        for e in range(3 if c.primitive[s, 0] == 0.0 else 0):
+            w = c.weights[i, e]
+            _push_modes(c, c.foot[i, e], other, w * f0, w * f1, w * f2)
 
 
 @inner

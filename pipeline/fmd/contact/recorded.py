@@ -59,6 +59,14 @@ class ContactRecord:
         ends = first + np.cumsum(counts[:, kind])
         return np.split(self.rows[:, first : ends[-1]], ends[:-1] - first, axis=1)
 
+    @classmethod
+    def signs(cls, bodies: Sequence[RecordedBody], modes: Sequence[Array]) -> Array:
+        """Return the signs of a row's values, (n_values,), by those of bodies' modal coordinates, (n_modes,) each."""
+        counts = cls._counts(bodies)
+        ones = [np.ones(int(count)) for count in counts.T.ravel()]
+        ones[4 * len(bodies) : 5 * len(bodies)] = modes
+        return np.concatenate(ones)
+
     @property
     def histories(self) -> Mapping[str, ContactHistory]:
         """Contacts by name."""

@@ -243,6 +243,11 @@ class TouchingBody:
         """Return what a march has noted of a mechanism's bodies that touch, rows (n_times, n_values)."""
         return ContactRecord(bodies, rows)
 
+    @staticmethod
+    def signs(bodies: Sequence[TouchingBody], modes: Sequence[Array]) -> Array:
+        """Return the signs of what a march notes of bodies whose modal coordinates have some, (n_modes,) each."""
+        return ContactRecord.signs(bodies, modes)
+
     def face_of(self, contact: str) -> str:
         """Return the face whose points one of its contacts takes."""
         return {own.name: own.face for own in self.contacts}[contact]

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,11 +68,11 @@ class FrozenRun:
     """A run whose method, steps and loads that stiffen stay as they are while numbers of its scene change.
 
     Output times (n_times,) [s], by default the scene's own, change no step. ``marches`` counts the motions that have
-    been computed; eight tangents count as one.
+    been computed; eight tangents count as one. A fixed step may be divided into some.
     """
 
-    def __init__(self, run: Pipeline, times: Array | None = None) -> None:
-        self.run = run
+    def __init__(self, run: Pipeline, times: Array | None = None, divided: int = 1) -> None:
+        self.run, self._divided = run, divided
         self.marches = 0
         self._times = times
         self._changes: dict[str, Change] = {}  # by the numbers' keys
@@ -81,7 +81,10 @@ class FrozenRun:
     def plan(self) -> Plan:
         """The first run's plan, by the method and the step that an automatic choice ended with, exact enough."""
         plan = repeat_choice(next(iter(self.run.plans.values())), self.run.motion.trajectory)
-        return replace(plan, integrator=plan.integrator.differentiable)
+        method: Any = plan.integrator.differentiable
+        return replace(
+            plan, integrator=replace(method, step=method.step / self._divided) if self._divided > 1 else method
+        )
 
     @cached_property
     def _lifted(self) -> Plan:
@@ -266,7 +269,9 @@ class FrozenRun:
     def hold_motion(self, motion: FrozenMotion, parameter: Parameter) -> Beside:
         """Return the scene below and above a number, with its own motion at both."""
         own = motion.run.motion.trajectory
-        return self._move_along(motion, parameter, Tangent(0.0 * own.q, 0.0 * own.v), 1.0)
+        return self._move_along(
+            motion, parameter, Tangent(0.0 * own.q, 0.0 * own.v, 0.0 * np.nan_to_num(own.contacts)), 1.0
+        )
 
     def with_motion(self, motion: FrozenMotion, trajectory: Trajectory) -> Pipeline:
         """Return the scene's stages at the numbers of a motion, by another trajectory of the same plan."""

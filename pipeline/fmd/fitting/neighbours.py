@@ -99,12 +99,21 @@ def find_all_turns(mechanism: Mechanism, signs: Mapping[str, Array]) -> dict[str
         if link.name in signs:
             rates[mechanism.modes_of(number)] = signs[link.name]
     joints = mechanism.position_shift
-    return {"q": np.r_[np.ones(joints), rates], "v": rates, "a": rates}  # modes come last, and joints have no sign
+    modes = [rates[mechanism.modes_of(mechanism.number_of(body.body))] for body in mechanism.contacts]
+    noted = mechanism.contacts[0].signs(mechanism.contacts, modes) if modes else np.ones(0)
+    return {
+        "q": np.r_[np.ones(joints), rates],
+        "v": rates,
+        "a": rates,
+        "contacts": noted,
+    }  # modes come last, and joints have no sign
 
 
 def _turn(state: State, turns: Mapping[str, Array]) -> State:
     """Return a state with the signs of other shapes."""
-    arrays = {name: getattr(state, name) for name in turns}  # a method may have several accelerations of a coordinate
+    arrays = {
+        name: getattr(state, name) for name in ("q", "v", "a")
+    }  # a method may have several accelerations of a coordinate
     return replace(state, **{name: x * np.resize(turns[name], x.shape) for name, x in arrays.items()})
 
 

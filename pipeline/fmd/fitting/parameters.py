@@ -13,7 +13,7 @@ from fmd.scene.curves import FormulaOrTable
 from fmd.scene.reading import suggest_name
 from fmd.scene.scene import Scene
 
-_TABLES = ("body", "ground", "joint", "drive", "coupler", "spring", "bushing", "bearing")
+_TABLES = ("body", "ground", "joint", "drive", "coupler", "spring", "bushing", "bearing", "contact")
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from fmd.dynamics.compiled_system.closed_tangents import LinearisedAnewError
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.fitting.sensitivities import change_of
-from fmd.fitting.tangents import say_what_lacks_tangents
+from fmd.fitting.tangents import CONTACT, say_what_lacks_tangents
 from fmd.integrators import (  # noqa: F401 - register how their steps are taken back
     central_difference_adjoint,
     exponential_adjoint,
@@ -224,6 +224,8 @@ def lacks_adjoint(
     system = plan.marched[0]
     if not (system.has_tangents and plan.integrator.carries_tangent(system, [system])):
         return say_what_lacks_tangents(plan)
+    if plan.mechanism.contacts:
+        return CONTACT
     if plan.mechanism.held or plan.mechanism.states:
         return "states of controllers and of filters"
     if any(np.ndim(channel.read(motion.run)) == 0 for channel in channels):

@@ -1,7 +1,7 @@
 """Derivatives of results by numbers of a scene."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -119,8 +119,9 @@ def jacobian(result: SolvedScene, of: Sequence[str], to: Sequence[str]) -> list[
 
     Results are those of the scene's first run, whose method and steps are frozen; a largest value is followed where and
     when it is largest. Derivatives are extrapolated from central differences of two lengths; the stated error is what
-    the extrapolation changes. Those of frequencies are Rayleigh quotients, also within groups of one frequency; the
-    stated error is their difference from those of the frequencies solved anew.
+    the extrapolation changes, in contact also twice what half the steps do. Those of frequencies are Rayleigh
+    quotients, also within groups of one frequency; the stated error is their difference from those of the frequencies
+    solved anew.
 
     Parameters
     ----------
@@ -140,11 +141,16 @@ def jacobian(result: SolvedScene, of: Sequence[str], to: Sequence[str]) -> list[
     parameters = [find_parameter(run.scene, key) for key in dict.fromkeys(to)]
     channels = find_all_channels(run, of)
     frozen, moves = FrozenRun(run), any(channel.moves for channel in channels)
-    by_parameter = []
+    by_parameter, finer = [], FrozenRun(run, divided=2)
     with run.store.monitor("derivatives") as advance:
-        motion = frozen.at({}, moves, parameters)
+        motion, finer_motion = frozen.at({}, moves, parameters), None
         for parameter in parameters:
-            by_parameter.append(list(_differentiate(frozen, motion, channels, parameter)))
+            rows = list(_differentiate(frozen, motion, channels, parameter))
+            if run.scene.contact and any(row.by_tangents for row in rows):
+                finer_motion = finer_motion or finer.at({}, moves, parameters)
+                others = _differentiate(finer, finer_motion, channels, parameter)
+                rows = [_with_error_by_steps(*pair) for pair in zip(rows, others, strict=True)]
+            by_parameter.append(rows)
             advance(len(by_parameter) / len(parameters))
     return [row for rows in zip(*by_parameter, strict=True) for row in rows]
 
@@ -156,7 +162,7 @@ def _differentiate(
     moves = any(channel.moves for channel in channels)
     pairs = [frozen.beside(motion, parameter, share, moves) for share in (1.0, 0.5)]
     unknown = _find_round_off(frozen.run, pairs, pairs[0].step / abs(parameter.value)) if moves else 0.0
-    takes_wider = moves and (pairs[0].drawn_back or pairs[0].lacking == CONTACT)
+    takes_wider = moves and (pairs[0].drawn_back or pairs[0].lacking.startswith(CONTACT))
     wider = [frozen.beside(motion, parameter, 2.0), pairs[0]] if takes_wider else []
     for channel in channels:
         value = np.asarray(channel.read(frozen.run))
@@ -181,6 +187,13 @@ def _differentiate(
                 error = np.full(slope.shape, np.nan)
             jumps = _jumps(channel, near.low, near.high, share=near.step / abs(parameter.value))
             yield Sensitivity(channel, parameter, value, slope, error, jumps, near.by_tangents, near.lacking, unstated)
+
+
+def _with_error_by_steps(row: Sensitivity, finer: Sensitivity) -> Sensitivity:
+    """Return a derivative with the error of steps in which points press and part, of first order, by half the steps."""
+    if not row.by_tangents:
+        return row
+    return replace(row, error=row.error + 2.0 * np.abs(row.slope - finer.slope).max())
 
 
 def _extrapolate(pairs: Sequence[Beside], changes: Sequence[Array]) -> tuple[Array, Array]:

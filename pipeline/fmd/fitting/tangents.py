@@ -19,7 +19,7 @@ from fmd.fitting.neighbours import find_turns
 from fmd.integrators.protocol import Progress, Trajectory
 from fmd.stages.plan import Plan
 
-CONTACT = "contact"  # what of a run has no tangents where bodies touch
+CONTACT = "contact"  # what of a run has no tangents begins with this where bodies touch
 
 
 class Tangent(NamedTuple):
@@ -27,6 +27,7 @@ class Tangent(NamedTuple):
 
     q: Array
     v: Array
+    contacts: Array  # (n_times, n_values): of forces of contacts and what they push by; 0 of what adds up over steps
 
     def move(self, own: Trajectory, side: float, mechanism: Mechanism, turns: Mapping[str, Array]) -> Trajectory:
         """Return the motion beside a mechanism's own, by so much of this and with other signs of modal coordinates.
@@ -38,7 +39,8 @@ class Tangent(NamedTuple):
             if link.joint.turns_in_space:
                 at = int(first) + link.n_scalars
                 q[:, at : at + 4] /= np.linalg.norm(q[:, at : at + 4], axis=1, keepdims=True)
-        return replace(own, q=q * turns["q"], v=(own.v + side * self.v) * turns["v"])
+        contacts = (own.contacts + side * self.contacts) * turns["contacts"]
+        return replace(own, q=q * turns["q"], v=(own.v + side * self.v) * turns["v"], contacts=contacts)
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,11 @@ def find_direction(plan: Plan, sides: Sequence[Side]) -> Direction | None:
     turns = [find_turns(side.plan, side.signs or {}) for side in sides]
     q = weights @ [turn["q"] * (there - turn["q"] * q0) for (_, there, _), turn in zip(marched, turns, strict=True)]
     v = weights @ [turn["v"] * (there - turn["v"] * v0) for (_, _, there), turn in zip(marched, turns, strict=True)]
+    sides_of = zip((system for system, _, _ in marched), turns, strict=True)
+    touching = [other.contact_numbers(turn["v"]) for other, turn in sides_of]
+    if any([x.shape for x in each] != [x.shape for x in touching[0]] for each in touching):
+        return None
+    contact = tuple(np.tensordot(weights, np.array(each), 1) for each in zip(*touching, strict=True))
     others, lifted = [other.compiled for other, _, _ in marched], False
     if any(other.digest != own.digest for other in others):
         if any(side.signs is None for side in sides):
@@ -77,19 +84,23 @@ def find_direction(plan: Plan, sides: Sequence[Side]) -> Direction | None:
         if any(other.digest != own.digest for other in others):
             triples = zip(others, weights, turns, strict=True)
             variants = [Variant(other, weight, turn["q"], turn["v"]) for other, weight, turn in triples]
-            return Direction(np.zeros(own.numbers.shape), [], q, v, variants, lifted)
+            return Direction(np.zeros(own.numbers.shape), [], q, v, variants, contact, lifted)
     numbers = weights @ [other.numbers - own.numbers for other in others]
     beside = [(other.signals, weight) for other, weight in zip(others, weights, strict=True)]
     vary = any(signals != own.signals for signals, _ in beside)
-    return Direction(numbers, beside if vary else [], q, v, lifted=lifted)
+    return Direction(numbers, beside if vary else [], q, v, contact=contact, lifted=lifted)
 
 
 def say_what_lacks_tangents(plan: Plan) -> str:
     """Return what of a run has no tangents by any number, or by this one."""
     system = plan.marched[0]
+    if system.is_sampled:
+        return "sampled controllers"
     if not system.has_tangents:
-        return "sampled controllers" if system.is_sampled else CONTACT
+        return CONTACT + (" in loops" if system.has_loops else " with friction or damping")
     if not plan.integrator.carries_tangent(system, [system]):
+        if system.n_contact_values:
+            return f"{CONTACT} by {plan.integrator.name}"
         return str(plan.integrator.name)
     return "shapes of bodies, or oscillators, that change with it"
 
@@ -111,21 +122,26 @@ def changes_in_line(plan: Plan, direction: Direction, low: Plan, high: Plan) -> 
     times = rng.uniform(0.0, plan.mechanism.horizon or 1.0, TRIED_TIMES)
     states = q0 + TRIED_MOVES * rng.normal(size=(TRIED_TIMES, len(q0)))
     rest = rng.normal(size=(TRIED_TIMES, 2 * len(v0) + max(len(own.compiled.rows), 1)))
-    turns = [(np.ones(len(q0)), np.ones(len(v0))), *((each.signs_q, each.signs_v) for each in direction.variants)]
+    turned = [(each.signs_q, each.signs_v) for each in direction.variants]
+    turns = [(np.ones(len(q0)), np.ones(len(v0))), *(turned or 2 * [(np.ones(len(q0)), np.ones(len(v0)))])]
 
     def residuals(system: CompiledSystem, signs_q: Array, signs_v: Array) -> Array:
         found, n = np.zeros((TRIED_TIMES, len(v0))), len(v0)
         for r, t, q, more in zip(found, times, states, rest, strict=True):
             state = (np.array(signs_q * q), np.array(signs_v * more[:n]))
-            known = (np.array(more[2 * n :]), np.array(signs_v * more[n : 2 * n]))
-            system.compiled.call("pulled_residual", system.compiled.signal_values(t), *state, *known, r)
+            known = [np.array(more[2 * n :]), np.array(signs_v * more[n : 2 * n])]
+            if plan.mechanism.contacts:
+                known[1:1] = np.ones(6 * len(plan.mechanism.links)), np.array(signs_v * more[n : 2 * n])
+            program = "pushed_residual" if plan.mechanism.contacts else "pulled_residual"
+            system.compiled.call(program, system.compiled.signal_values(t), *state, *known, r)
         return np.asarray(signs_v * found)
 
     def values(number: int, system: CompiledSystem, q: Array, v: Array) -> list[Array]:
+        signs_q, signs_v = turns[number]
+        touching = system.contact_numbers(signs_v)
         if direction.variants:
-            signs_q, signs_v = turns[number]
-            return [signs_q * q, signs_v * v, *residuals(system, signs_q, signs_v).T]
-        return [system.compiled.numbers, q, v, *(signal.values(times) for signal in system.compiled.signals)]
+            return [signs_q * q, signs_v * v, *residuals(system, signs_q, signs_v).T, *touching]
+        return [*touching, system.compiled.numbers, q, v, *(signal.values(times) for signal in system.compiled.signals)]
 
     triples = zip(values(0, own, q0, v0), *(values(k, *each) for k, each in enumerate(others, start=1)), strict=True)
     return all(np.abs(a + b - 2.0 * x).max(initial=0.0) <= SOLVED * np.abs(x).max(initial=0.0) for x, a, b in triples)
@@ -152,7 +168,9 @@ def march_tangents(
         march = plan.integrator.march(both, q1, v1, times, advance)
         require_one_linearisation(both.parameters, plan.integrator.refinement)
         q, v = both.part(march.q, march.v)
-        found += [Tangent(_spread(plan, q[:, :, k], 0), _spread(plan, v[:, :, k], 1)) for k in range(len(chosen))]
+        rows = both.part_rows(march.contacts)
+        for k in range(len(chosen)):
+            found.append(Tangent(_spread(plan, q[:, :, k], 0), _spread(plan, v[:, :, k], 1), rows[:, k]))
     return found
 
 

@@ -37,6 +37,7 @@ class CentralDifference(FixedStepIntegrator):
 
     name = "central-difference"
     marches_tangents = True
+    marches_touching_tangents = True
     takes_contacts = True
 
     def __post_init__(self) -> None:

@@ -52,8 +52,10 @@ class Exponential(ResumableIntegrator):
         require_step(self.step)
 
     def carries_tangent(self, system: System, others: Sequence[System]) -> bool:
-        """Tell whether a tangent can be marched: not where the oscillators themselves change."""
-        return all(np.array_equal(system.stiffness, other.stiffness) for other in others)
+        """Tell whether a tangent can be marched: not where the oscillators themselves change, or bodies touch."""
+        return not system.n_contact_values and all(
+            np.array_equal(system.stiffness, other.stiffness) for other in others
+        )
 
     def order(self, system: System) -> int:
         """Return 4; modes that the step does not resolve have about 3 (Hochbruck & Ostermann 2005); in contact 2."""

@@ -63,6 +63,7 @@ class GeneralizedAlpha(ResumableIntegrator):
 
     name = "generalized-alpha"
     marches_tangents = True
+    marches_touching_tangents = True
     takes_contacts = True
 
     def __post_init__(self) -> None:
@@ -129,7 +130,7 @@ class GeneralizedAlpha(ResumableIntegrator):
         tangent, marks = state.memory[: own * own].reshape(own, own), state.memory[own * own : own * own + 2]
         alpha_m, alpha_f, beta, gamma = self.weights.tolist()
         begin = (state.q, state.v, state.a, tangent, marks, counts)
-        nudges = LEAST_PRESSED if system.n_contact_values else (LEAST_MOVED, LEAST_MOVED)
+        nudges = LEAST_PRESSED if system.motion.n_contact_values else (LEAST_MOVED, LEAST_MOVED)
         return NewmarkSteps(
             self.step, alpha_m, alpha_f, beta, gamma, *nudges, *begin, *aligned(n, n, n, n, n, n, system.n_positions)
         )

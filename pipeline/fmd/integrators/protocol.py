@@ -108,6 +108,7 @@ class Integrator(ABC):
     # True if its steps are made of accelerations and of sums of what it has, so that tangents of a motion can be
     # marched beside it as more coordinates.
     marches_tangents: bool = False
+    marches_touching_tangents: bool = False  # also of mechanisms with contacts
     dense_output: bool = False  # True if states within a step are as good as those at its ends
     takes_contacts: bool = False  # True if contacts remember what they have to in its steps
 
@@ -129,7 +130,7 @@ class Integrator(ABC):
 
     def carries_tangent(self, system: System, others: Sequence[System]) -> bool:
         """Tell whether a tangent of a system's motion towards others can be marched beside it, exactly as steps go."""
-        return self.marches_tangents
+        return self.marches_tangents and (self.marches_touching_tangents or not system.motion.n_contact_values)
 
     @property
     def differentiable(self) -> Integrator:

@@ -114,8 +114,8 @@ class Subcycling(FixedStepIntegrator):
         return state.memory.size - 1 if self.remembered else 0
 
     def carries_tangent(self, system: System, others: Sequence[System]) -> bool:
-        """Tell whether tangents can be marched: where forces follow theirs."""
-        return self.substeps == 1 or self.forces == "tangents"
+        """Tell whether tangents can be marched: where forces follow theirs, and nothing touches."""
+        return not system.n_contact_values and (self.substeps == 1 or self.forces == "tangents")
 
     def lag(self, system: System) -> Array:
         """Return half a step, for slow coordinates half a cycle."""

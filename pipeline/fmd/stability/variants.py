@@ -39,7 +39,7 @@ class VariantStart(NamedTuple):
 
 def differ_in_numbers(system: CompiledSystem) -> bool:
     """Tell whether a system may stand for others with other numbers: neither loops, contacts nor laws remember any."""
-    return system.has_tangents and not (system.has_loops or system.piecewise_laws)
+    return not (system.is_sampled or system.mechanism.contacts or system.has_loops or system.piecewise_laws)
 
 
 def find_points_of_variants(variants: Sequence[VariantStart], duration: float) -> list[OperatingPoints]:

@@ -87,6 +87,11 @@ BANDS = 20  # times that the points that may close are chosen again in a step be
 TURNED_BLOCKS = 1e-3  # change of rotations and weights from which on flexibilities between points are found again
 TURNED_NORMALS = 1e-4  # change of normals from which on those along normals are
 
+# Tangents.
+WAY_BESIDE = 1e-6  # [m]: how far places and rotations go to either side along a tangent
+NUMBERS_BESIDE = 1e-4  # of numbers: how far they go to either side
+TOO_LITTLE_BESIDE = 1e-12  # [m]: of a tangent that moves no point, as if it moved them by this
+
 # Near field on a half-space.
 FIT_ROUNDS = 20  # of Newton's method for the lowest place of a surface
 ONE_QUADRIC = 1e-7  # of the largest singular value: a second one below means that a face is on many quadrics

@@ -281,8 +281,12 @@ class CompiledSystem(ReferenceState):
 
     @property
     def has_tangents(self) -> bool:
-        """True if tangents of a motion can be marched beside it: nothing touches, and nothing samples."""
-        return not (self.is_sampled or self.mechanism.contacts)
+        """True if tangents of a motion can be marched beside it: nothing samples."""
+        return not self.is_sampled
+
+    def contact_numbers(self, signs: Array) -> tuple[Array, ...]:
+        """Return arrays of what contacts depend on, whose modes' shapes have signs (n,): none where nothing touches."""
+        return ()
 
     @property
     def takes_whole_cycles(self) -> bool:

@@ -10,6 +10,7 @@ those of the tangents, eight to each.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,8 @@ class Direction:
     # Mechanisms whose weighted residuals are the derivative of the mechanism's own, where more than inputs of its
     # equations change: four at most, and then neither numbers nor signals.
     variants: Sequence[Variant] = ()
+    # Derivatives of what contacts depend on, as `CompiledSystem.contact_numbers` has it; none where nothing touches.
+    contact: tuple[Array, ...] = ()
     lifted: bool = False  # true if these, or the variants, are those of the mechanism where it is lifted
 
 
@@ -71,6 +74,11 @@ class TangentSystem(PlainSystem):
         self._system, self._directions = system_along(system, directions), directions
         self.breakpoints, self.highest_frequency = system.breakpoints, system.highest_frequency
         self.n, self.n_positions = (_lines(n) + n * LANES for n in (system.n, system.n_positions))
+
+    @property
+    def n_contact_values(self) -> int:
+        """How many values of the motion's contacts are noted, and of their tangents."""
+        return (1 + LANES) * self._system.n_contact_values
 
     @property
     def settles(self) -> bool:
@@ -140,6 +148,11 @@ class TangentSystem(PlainSystem):
         both = [x[:, _lines(n) :].reshape(len(x), n, LANES) for x, n in zip((q, v), sizes, strict=True)]
         return both[0], both[1]
 
+    def part_rows(self, rows: Array) -> Array:
+        """Return the tangents of what contacts do, (n_times, 8, n_values)."""
+        width = self._system.n_contact_values
+        return rows[:, width:].reshape(len(rows), LANES, width)
+
     def leapfrog(self) -> Leapfrog:
         """Fresh storage for leapfrog steps."""
         return Leapfrog(0, *aligned(1, self.n))
@@ -158,8 +171,11 @@ class TangentSystem(PlainSystem):
                 self._codes.append(load_signals(signals))
                 beside[lane, k], weights[lane, k] = self._codes[-1].address("signals"), weight
         changed = any(direction.variants for direction in self._directions)
+        program = "changed_tangents" if changed else "acceleration_tangents"
+        if self._system.mechanism.contacts:
+            program = "pushed_tangents"
         common: dict[str, Any] = {
-            "accelerations": compiled.address("changed_tangents" if changed else "acceleration_tangents"),
+            "accelerations": compiled.address(program),
             "alone": own.accelerations,
             "signals": own.signals,
             "n": self._system.n,
@@ -179,6 +195,10 @@ class TangentSystem(PlainSystem):
             "dr": np.zeros((self._system.n, LANES)),
             "variants": tabulate_variants(self._system, self._directions),
         }
+        if self._system.mechanism.contacts:
+            touching = import_module("fmd.dynamics.compiled_system.touching_tangents").touching_tangents
+            found: TangentParameters = touching(self._system, self._directions, common)
+            return found
         if not isinstance(own, ClosedParameters):
             return TangentParameters(**common)
         n_rows = own.w.size
@@ -261,7 +281,7 @@ def tabulate_variants(system: CompiledSystem, directions: Sequence[Direction]) -
     sizes = {"weights": (), "inputs": (n_inputs,), "signs_q": (system.n_positions,), "signs_v": (n,)}
     arrays: dict[str, Any] = {name: np.zeros((count, *size)) for name, size in sizes.items()}
     for k, one in chosen.items():
-        programs = {"residual": "pulled_residual"}
+        programs = {"residual": "pushed_residual" if system.mechanism.contacts else "pulled_residual"}
         programs |= {"signals": "signals"} if one.compiled.signals else {}
         programs |= {"residuals": "residuals", "closing": "closing"} if n_rows else {}
         for name, program in programs.items():

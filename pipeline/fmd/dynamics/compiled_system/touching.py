@@ -70,8 +70,29 @@ class TouchingClosedParameters(ClosedParameters):
     q_ahead: Array
 
 
+# What of contacts depends on a scene's numbers, beside flexibilities: places, shapes, gaps and laws.
+_PLACES = ("x", "shapes", "yields", "radii", "clearance", "plane", "position", "primitive", "edges")
+CONTACT_NUMBERS = (*_PLACES, "outward", "shares", "law")
+
+
 class TouchingSystem(CompiledSystem):
     """A mechanism with contacts, ready to be integrated by methods that evaluate forces once a step."""
+
+    @property
+    def has_tangents(self) -> bool:
+        """True if tangents of a motion can be marched beside it: contacts lose nothing, no loops, nothing samples."""
+        lossy = any(body.is_lossy or body.wears for body in self.mechanism.contacts)
+        return not (self.is_sampled or self.has_loops or lossy)
+
+    def contact_numbers(self, signs: Array) -> tuple[Array, ...]:
+        """Return `CONTACT_NUMBERS` of all contacts in a row, and nodes' flexibility; modes' shapes have signs (n,)."""
+        c = self._parameters.contact
+        shapes = c.shapes.copy()
+        for body, (first, end) in enumerate(zip(c.first[:-1], c.first[1:], strict=True)):
+            shapes[first:end] *= np.asarray(signs)[c.mode[body]]
+        found = {name: getattr(c, name) for name in CONTACT_NUMBERS} | {"shapes": shapes}
+        found["law"] = np.where(np.isfinite(c.law), c.law, 0.0)  # rows that a law lacks are at an infinite depth
+        return np.concatenate([x.ravel() for x in found.values()]), c.G
 
     @property
     def n_contact_values(self) -> int:

@@ -15,7 +15,7 @@ are filled:
   ``dr`` (n, 8): the residual's derivatives; ``M̂ da`` by ``inertia``;
 - ``da`` (n, 8) as an output, of ``acceleration_tangents``: derivatives of the accelerations along eight directions at
   multipliers ``f`` (n_rows,), which ``pulled_residual`` has, too; of ``changed_tangents`` also by ``dr`` (n, 8), what
-  the residual changes by beside;
+  the residual changes by beside, of ``pushed_tangents`` by ``dpush`` (n_bodies, 6, 8) and ``dmodal`` (n, 8), too;
 - ``inputs_adjoint``, ``q_adjoint``, ``v_adjoint`` and ``a_adjoint``, of the shapes of the state: derivatives of
   ``weights · a`` of the accelerations ``a`` at multipliers ``f``, with ``x`` (n,) for ``M̂⁻¹ weights``, or of weighted
   constraints: of residuals with ``g`` (n_rows,) and their rates with ``rates``, or of their accelerations with ``w``;
@@ -143,9 +143,9 @@ def _pulled_residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[Out
 
 
 def _acting(inputs: Coordinates, frames: list[MovingFrame]) -> ActingForces:
-    """Return all that acts on a mechanism, with given multipliers of its constraints."""
+    """Return all that acts on a mechanism, with given forces of contacts and multipliers of its constraints."""
     rows = trace_rows(inputs, frames)
-    return ConstrainedForces(inputs, frames, rows) if rows else ActingForces(inputs, frames)
+    return ConstrainedForces(inputs, frames, rows) if rows else PushedForces(inputs, frames)
 
 
 def trace_leap(inputs: Coordinates) -> list[Output]:
@@ -325,6 +325,7 @@ _MIDDLE = ("clock", "A", "B", "constant", "from_middle", "rate", "last")
 _CYCLE = ("inputs", "steps", "inverse_mass", "ahead", "q", "v", "a", "begin")
 _DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
 _ALONG = _DIRECTIONS[:3]
+_DPUSH = ("dpush", "dmodal")
 _BESIDE = (*_ALONG, "dr")
 _ADJOINT = tuple(f"{name}_adjoint" for name in _STATE)
 _SLOPE = (*_STATE, "a", *(f"along_{name}" for name in (*_STATE, "a")))
@@ -342,6 +343,9 @@ DEFINITIONS = {
     "residuals_adjoint": Definition((*_STATE, *_CLOSED, *_ADJOINT), _residuals_adjoint),
     "closing_adjoint": Definition((*_STATE, "a", "w", *_ADJOINT, "a_adjoint"), _closing_adjoint),
     "changed_tangents": Definition((*_STATE, "f", *_BESIDE, "a", "da"), _changed_tangents, (*_BESIDE, "da")),
+    "pushed_tangents": Definition(
+        (*_STATE, "f", *_PUSH, *_BESIDE, *_DPUSH, "a", "da"), _changed_tangents, (*_BESIDE, *_DPUSH, "da")
+    ),
     "pushed": Definition((*_STATE, *_PUSH, "a"), partial(_accelerations, forces=PushedForces)),
     "leap": Definition(_LEAP, lambda inputs, _: trace_leap(inputs), in_place=True),
     "leap_in_lanes": Definition(
@@ -400,6 +404,7 @@ DEFINITIONS = {
     "multipliers": Definition(("inputs", "q", "f", "x", "s"), _multipliers, lanes=("f", "x", "s")),
     "residuals": Definition((*_STATE, "g", "rates"), _residuals),
     "pulled_residual": Definition((*_STATE, "f", "a", "r"), _pulled_residual),
+    "pushed_residual": Definition((*_STATE, "f", *_PUSH, "a", "r"), _pulled_residual),
     "closing": Definition((*_STATE, "a", "w"), _closing),
     "residual_tangents": Definition((*_STATE, *_ALONG, *_CHANGES), _residual_tangents, lanes=(*_ALONG, *_CHANGES)),
     "closing_tangents": Definition((*_STATE, "a", *_PULLED), _closing_tangents, lanes=_PULLED),

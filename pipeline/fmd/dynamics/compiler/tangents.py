@@ -80,11 +80,12 @@ def trace_acceleration_tangents(
 ) -> tuple[list[BodyValues], list[BodyValues]]:
     """Trace accelerations by what acts, and their derivatives along ``dinputs``, ``dq`` and ``dv``.
 
+    Those of contact along ``dpush`` and ``dmodal`` are among them.
     ``beside`` is what the residual changes by apart from these, such as by a body's mass; empty if nothing.
     """
     graph, mechanism = inputs.graph, inputs.mechanism
     found = trace_accelerations(frames, acting)
-    slopes = trace_tangents(inputs, trace_residual(inputs, frames, acting), ("inputs", "q", "v"))
+    slopes = trace_tangents(inputs, trace_residual(inputs, frames, acting), ("inputs", "q", "v", "push", "modal"))
     replaced: dict[int, Scalar | Vector] = {}
     for number, own in enumerate(found):
         pairs = zip(inputs.inputs_of_joint(number, "a"), own.joint, strict=True)
