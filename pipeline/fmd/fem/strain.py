@@ -49,7 +49,7 @@ def enhanced_strains(
     space: Discretisation, material: AnyMaterial, shapes: Array, X: Array, elements: IntArray
 ) -> Array:
     """Return the strains ``B u + G α`` of displacement fields; parameters and shape are those of `strain.strains`."""
-    u = shapes[space.element_nodes[elements]].reshape(len(elements), -1, shapes.shape[2])
+    u = shapes[space.element_nodes[elements]].reshape(len(elements), 3 * space.element_nodes.shape[1], shapes.shape[2])
     strain = np.empty((len(elements), X.shape[1], 6, u.shape[2]))
     for own, mine in material.over(elements):
         root = _energy_root(space, own, elements[mine])
