@@ -287,20 +287,32 @@ def _search(space: DesignSpace, limits: tuple[Limit, ...], sign: int, start: Arr
     def met_by(shares: Array) -> Array:
         return margins(space.at(shares), limits)
 
+    def slopes_of_limits(shares: Array) -> Array:
+        found = signs * slopes(shares)[1:]
+        low, high = bounds_of(space.varied).T
+        gains = np.abs(found) * np.where(found > 0.0, high - shares, shares - low)
+        _require_met(space.at(shares), limits, gains.sum(axis=1))
+        return found
+
     found = minimize(
         lambda x: sign * float(np.log(space.at(x).results[0])),
         start,
         jac=lambda x: sign * slopes(x)[0],
         bounds=bounds_of(space.varied),
-        constraints=[{"type": "ineq", "fun": met_by, "jac": lambda x: signs * slopes(x)[1:]}] if limits else [],
+        constraints=[{"type": "ineq", "fun": met_by, "jac": slopes_of_limits}] if limits else [],
         method="SLSQP",
         options={"ftol": OPTIMUM, "maxiter": MOST_DESIGNS},
     )
     optimum = Optimum(space, limits, sign, np.clip(found.x, *bounds_of(space.varied).T))
-    design = optimum.design
-    known = zip(limits, margins(design, limits), design.results[1:], design.channels[1:], strict=True)
-    for limit, margin, value, channel in known:
-        if margin < -MET:
+    _require_met(optimum.design, limits, np.zeros(len(limits)))
+    return optimum
+
+
+def _require_met(design: Design, limits: tuple[Limit, ...], gains: Array) -> None:
+    """Raise `NoDesignError` if a limit isn't met, and what margins may gain up to the bounds is next to nothing."""
+    known = zip(limits, margins(design, limits), gains, design.results[1:], design.channels[1:], strict=True)
+    for limit, margin, gain, value, channel in known:
+        if margin < -MET and gain <= MET:
             place = ", ".join(f"{each.key} = {x:.6g} {each.unit}".rstrip() for each, x in design.values.items())
             unit = f" {channel.unit}".rstrip()
             raise NoDesignError(
@@ -308,7 +320,6 @@ def _search(space: DesignSpace, limits: tuple[Limit, ...], sign: int, start: Arr
                 f"{place}, where it is {value:.6g}{unit}; widen the bounds, ask for less, or start from numbers with "
                 "which it is met"
             )
-    return optimum
 
 
 def margins(design: Design, limits: tuple[Limit, ...]) -> Array:
