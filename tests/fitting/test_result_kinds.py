@@ -176,7 +176,7 @@ def test_contact_of_a_flexible_block_has_the_derivatives_of_marches_with_the_sam
             found.append([(each.read(sides[1]) - each.read(sides[0])) / (2.0 * share) for each in channels])
         for each, rough, fine in zip(channels, *found, strict=True):
             slope = (each.read(beside.high) - each.read(beside.low)) / (2.0 * beside.step) * parameter.value
-            size, key = np.abs(fine).max(), parameter.key
+            size = np.abs(fine).max()
             np.testing.assert_allclose(
                 slope, (4.0 * fine - rough) / 3.0, rtol=0, atol=1e-5 * size, err_msg=parameter.key
             )

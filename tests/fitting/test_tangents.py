@@ -182,7 +182,7 @@ def test_tangents_are_extrapolated_differences_of_marches(method: str, make: Any
     tangents: dict[Parameter, Any] = motion.tangents
     largest = [max(np.abs(each[kind]).max() for each in tangents.values()) for kind in (0, 1)]
     for parameter in parameters:
-        for mine, other, size in zip(tangents[parameter], differences(frozen, parameter), largest, strict=True):
+        for mine, other, size in zip(tangents[parameter][:2], differences(frozen, parameter), largest, strict=True):
             np.testing.assert_allclose(mine, other, rtol=0, atol=1e-8 * size)
 
 

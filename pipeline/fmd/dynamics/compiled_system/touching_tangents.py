@@ -31,7 +31,7 @@ from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)
-class Beside(Table):
+class StatesBeside(Table):
     """States beside a motion's own along its tangents, and how contacts change there."""
 
     contact: ContactTable  # there, whose numbers are one array
@@ -67,7 +67,7 @@ class TouchingTangentParameters(TangentParameters):
 
     own: TouchingParameters  # the mechanism's
     contact: ContactTable
-    by: Beside
+    by: StatesBeside
 
 
 def touching_tangents(system: TouchingSystem, directions: Sequence[Any], common: dict[str, Any]) -> TangentParameters:
@@ -96,7 +96,7 @@ def touching_tangents(system: TouchingSystem, directions: Sequence[Any], common:
             frames[4 * lane + k] = one.compiled.address("frames")
             felt[4 * lane + k] = one.compiled.address("felt") if own.felt else 0
     n_bodies, n = len(own.origins), system.n
-    by = Beside(
+    by = StatesBeside(
         contact=near,
         numbers=whole,
         own_numbers=numbers,
