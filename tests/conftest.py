@@ -124,10 +124,11 @@ QUICKLY_COMPILED = {
     *("contact", "dynamics", "fitting", "integrators", "responses", "stability", "stages"),
     # a function of its own for each scene, which is hardly marched
     *("test_body_file", "test_coarse_mesh", "test_constant_velocity", "test_corner_stress", "test_deformation"),
-    *("test_details", "test_histories", "test_large_deflection", "test_loads_through_bodies", "test_mechanism_view"),
-    *("test_middle_stress", "test_overstated", "test_pieces_stability", "test_pressure", "test_propeller_scenes"),
-    *("test_spin_up", "test_stress", "test_stretched_bars", "test_suite", "test_truth", "test_turning_pieces"),
-    *("test_urdf", "test_view_page", "test_work", "test_work_precision"),
+    *("test_errors", "test_estimators", "test_exudyn", "test_lanes", "test_loops", "test_random_mechanisms"),
+    *("test_rigid_bodies", "test_details", "test_histories", "test_large_deflection", "test_loads_through_bodies"),
+    *("test_mechanism_view", "test_middle_stress", "test_overstated", "test_pieces_stability", "test_pressure"),
+    *("test_propeller_scenes", "test_spin_up", "test_stress", "test_stretched_bars", "test_suite", "test_truth"),
+    *("test_turning_pieces", "test_urdf", "test_view_page", "test_work", "test_work_precision"),
 }
 """Rooms and files whose marches are short; longer ones cost more than compiling."""
 FULLY_COMPILED = {"test_machine_code"}

@@ -50,6 +50,7 @@ def register_width() -> int:
     return 8 if "+avx512f" in processor()[2].split(",") else 4
 
 
+@cache
 def _target(triple: str = "", effort: int = 3) -> Any:
     """Return the code generator for this processor, or for any of a triple such as ``aarch64-apple-darwin``."""
     if triple:
@@ -58,9 +59,6 @@ def _target(triple: str = "", effort: int = 3) -> Any:
         return llvm.Target.from_triple(triple).create_target_machine(opt=effort, reloc="pic")
     _, name, features = processor()
     return llvm.Target.from_default_triple().create_target_machine(cpu=name, features=features, opt=effort, jit=True)
-
-
-_code_generator = cache(_target)  # those of loaded objects are theirs
 
 
 def compile_object(source: str, level: int = 0, triple: str = "", effort: int = 3) -> bytes:
@@ -73,7 +71,7 @@ def compile_object(source: str, level: int = 0, triple: str = "", effort: int = 
     ``effort`` 0 a function of 180 kB is compiled in a fifth of the time that 3 takes, and runs two to three times as
     long.
     """
-    target = _code_generator(triple, effort)
+    target = _target(triple, effort)
     module = llvm.parse_assembly(source)
     module.triple, module.data_layout = target.triple, str(target.target_data)
     module.verify()
@@ -99,7 +97,9 @@ class LoadedObject:
         self._constants = _aligned(np.zeros(0) if constants is None else constants)
         self.n_bytes = len(content) + self._constants.nbytes
         self._addresses: dict[str, int] = {}
-        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
+        # It links what is compiled already: one for this processor in particular takes twice as long to load.
+        linker = llvm.Target.from_default_triple().create_target_machine(opt=0, jit=True)
+        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), linker)
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(content))
         with _linking:  # each object is linked to constants of its own, all under one name
             llvm.add_symbol("constants", self._constants.ctypes.data)
