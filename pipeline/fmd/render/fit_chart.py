@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.fitting import GAP
 from fmd.render.charts import COLOURS, GREY, open_figure, style_axes
 
 
@@ -52,6 +53,13 @@ class FittedHistory:
     sigma: float | Array  # (n,): standard deviation of its noise
 
 
+def break_at_gaps(places: Array, values: Array) -> tuple[Array, Array]:
+    """Return places (n,) in order and values, with NaN between two that are far apart: no line is drawn there."""
+    steps = np.diff(places)
+    after = 1 + np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) else np.zeros(0, dtype=int)
+    return np.insert(places, after, np.nan), np.insert(values, after, np.nan)
+
+
 def draw_fit(axis: tuple[str, Array], histories: Sequence[FittedHistory], path: Path, *, title: str) -> None:
     """Draw each channel of a fit, one at least, and beside it what the fit leaves over the noise.
 
@@ -65,8 +73,9 @@ def draw_fit(axis: tuple[str, Array], histories: Sequence[FittedHistory], path: 
         frames = figure.subplots(len(histories), 2, squeeze=False, sharex=True, gridspec_kw={"width_ratios": [3, 2]})
         for (left, right), history in zip(frames, histories, strict=True):
             left.plot(places, history.measured, ".", markersize=dot, color="0.6", label="measured")
-            left.plot(places, history.first, "--", linewidth=1.2, color=COLOURS[1], label="first")
-            left.plot(places, history.fitted, linewidth=1.4, color=COLOURS[0], label="fitted")
+            first, fitted = (break_at_gaps(places, values) for values in (history.first, history.fitted))
+            left.plot(*first, "--", linewidth=1.2, color=COLOURS[1], label="first")
+            left.plot(*fitted, linewidth=1.4, color=COLOURS[0], label="fitted")
             style_axes(left, "", history.label)
             right.plot(
                 places, (history.measured - history.fitted) / history.sigma, ".", markersize=dot, color=COLOURS[0]

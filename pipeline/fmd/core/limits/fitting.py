@@ -42,6 +42,7 @@ STATIONARY = 0.02  # of the aim's gradient that may be left at an optimum
 NORMAL_95 = 1.959963984540054  # standard deviations to each side that hold 95 % of a normal distribution
 DETERMINED = 0.5  # largest half-width of a 95 % interval, of the number's logarithm or relative, that a fit begins with
 NOISE_ORDER = 4  # of the differences of successive values by which the noise of a channel is estimated
+GAP = 5.0  # times the median distance of places in a chart's line: beyond it the line is broken
 WHOLE_WINDOW = 1.5  # of the median time that such a difference takes: a longer one lies over a gap
 STRONG_CORRELATION = 0.9  # from which on two numbers are named together
 CLOCK_DIFFERENCE = 0.05  # of the time between two samples: a step for derivatives by shifts of clocks
