@@ -8,8 +8,7 @@ if TYPE_CHECKING:
     from fmd.integrators.protocol import Trajectory
     from fmd.stability.operating_points import OperatingPoints
 
-FINE = "finely"
-"""Label of the first run's second march among those that have been integrated."""
+FINE = "finely"  # label of the first run's second march among those that have been integrated
 
 
 class HasResults(Protocol):

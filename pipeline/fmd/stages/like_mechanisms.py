@@ -55,6 +55,7 @@ def with_joint_numbers(mechanism: Mechanism, scene: Scene) -> Mechanism:
             if any(before != now for before, now in pairs):
                 links[number] = replace(link, spring=along.spring, rest=along.rest, damper=along.damper)
     found = replace(mechanism, links=links)
+    vars(found)["layout"] = mechanism.layout
     if alike:
         share_digest(found, mechanism)
     if "rigid" in vars(mechanism):

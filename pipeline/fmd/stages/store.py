@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -106,7 +107,7 @@ class StageStore:
         others = sum(self.log.seconds.values())
         tick = read_clocks()
         try:
-            with self.monitor(stage) as advance, one_thread():
+            with self.monitor(stage) as advance, nullcontext() if self.computing else one_thread():
                 self.computing.append(advance)
                 try:
                     return compute()

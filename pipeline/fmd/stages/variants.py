@@ -105,7 +105,7 @@ def share_fine_marches(runs: Sequence[Pipeline]) -> None:
     Those with something flexible at the tip that have one structure, method and step are marched by one call of a
     kernel, which samples at the times of all; each takes its own.
     """
-    alike: dict[Hashable, list[tuple[_Run, Array]]] = {}
+    alike: dict[tuple[Hashable, Any], list[tuple[_Run, Array]]] = {}
     for run in runs:
         try:
             if not len(run.motion.tip_link.omega):
@@ -117,11 +117,10 @@ def share_fine_marches(runs: Sequence[Pipeline]) -> None:
         system, method = plan.marched[0], plan.integrator
         if len(times) > len(outputs) and _starts_alike(method, system):
             alike.setdefault((structure_of(system), method), []).append((_Run(run, FINE, plan), times))
-    for some in alike.values():
-        method, times = some[0][0].plan.integrator, np.unique(np.concatenate([own for _, own in some]))
-        if len(some) == 1 or not isinstance(method, FixedStepIntegrator):
-            continue
-        for (own, asked), march in zip(some, _march_together([own for own, _ in some], method, times), strict=True):
+    for (_, method), some in alike.items():
+        times = np.unique(np.concatenate([own for _, own in some]))
+        marches = _march_together([own for own, _ in some], method, times) if len(some) > 1 else ()
+        for (own, asked), march in zip(some, marches, strict=False):
             at = np.searchsorted(times, asked)
             own.keep(march and replace(march, times=asked, q=march.q[at], v=march.v[at]))
 

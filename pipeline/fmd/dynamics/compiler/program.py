@@ -33,7 +33,7 @@ class Program:
     # Arguments that have `LANES` entries in each place: the directions of derivatives, and these.
     lanes: tuple[str, ...] = ()
     in_place: bool = False  # outputs replace inputs
-    seldom: bool = False  # Python calls it, not a march: it is to be compiled fast rather than to run fast
+    seldom: bool = False  # marches hardly call it: it is to be compiled fast rather than to run fast
     guard: Scalar | None = None  # all outputs are 0 unless it is above 0, so that code may leave there
 
     @cached_property

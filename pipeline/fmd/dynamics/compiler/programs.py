@@ -364,7 +364,7 @@ DEFINITIONS = {
     "slope_adjoint": Definition(
         (*_SLOPE, "x", *(f"{name}_adjoint" for name in _SLOPE)), partial(trace_slope_adjoint, of=_SLOPE)
     ),
-    "inertia": Definition(("inputs", "q", "da", "dr"), _inertia, lanes=("da", "dr")),
+    "inertia": Definition(("inputs", "q", "da", "dr"), _inertia, lanes=("da", "dr"), seldom=True),
     "stiffness": Definition((*_STATE, "a", "dq", "dr"), _by("q"), lanes=("dq", "dr")),
     "damping": Definition((*_STATE, "dv", "dr"), _by("v"), lanes=("dv", "dr")),
     "drift": Definition(
