@@ -199,6 +199,14 @@ def test_a_place_goes_as_far_between_output_times_from_where_it_was_at_the_start
     assert at_outputs < 0.9997 * dense < dense <= largest["rod.orientation"] < 1.001 * dense
 
 
+def test_each_of_five_thousand_intervals_is_looked_into() -> None:
+    own = ["simulation.output_step=1 ms", "simulation.duration=5 s", "simulation.run=[{integrator='auto'}]"]
+    run = Pipeline(load_scene("rod-slider", own), Cache(None))
+    times, outputs = run.fine_times
+    assert np.diff(outputs).tolist() == [2] * 5000
+    np.testing.assert_array_equal(times[outputs], run.output_times)
+
+
 def test_stress_of_a_named_element_has_its_peak_between_output_times() -> None:
     stress = 'quantities=["element_stress"], elements=["beam.spot"], components=["xx"]'
     own = [f'output=[{{type="history", file="a.csv", {stress}}}]', "simulation.output_step=1.7 ms"]
