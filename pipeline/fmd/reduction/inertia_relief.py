@@ -54,7 +54,7 @@ def solve_balanced(
     Conjugate gradients with ``inverse``, ``(K − σ M)⁻¹``, σ < 0, take a few steps. They start anew on what is left of
     the load, balanced again: K doesn't see rigid-body round-off, which would spoil a long run. R (n, n_rigid) are the
     rigid-body modes, to which u (n, n_loads) [m] is M-orthogonal. ``advance`` takes the part that is done, by the
-    digits of the residual that are gone; ``forces`` gives ``K u`` with less round-off than K has.
+    digits of the residual that are gone; ``forces`` gives ``K u`` with less round-off than K has, once that counts.
 
     Raises
     ------
@@ -78,20 +78,23 @@ def solve_balanced(
     size = np.where(zero, 1.0, _energy_norm(defect, answer))
     if not size.all():
         raise _lost(int(size.argmin()))
-    u, before = np.zeros_like(loads), np.inf
+    u, largest, exact = np.zeros_like(loads), np.inf, None
 
     def tell(left: Array) -> None:
         advance(float(np.log(np.clip((left / size).max(), CONVERGED_RESIDUAL, 1.0)) / np.log(CONVERGED_RESIDUAL)))
 
     for _ in range(GRADIENT_ROUNDS):
-        u += _conjugate_gradients(K, defect, answer, elastic, tell)
-        defect = balance(loads - (K @ u if forces is None else forces(u)))
+        step, left = _conjugate_gradients(K, defect, answer, elastic, tell)
+        u, residual, before = u + step, np.maximum(left / size, largest**2), largest
+        if exact is not None and residual.max() < CONVERGED_RESIDUAL:  # K's part of round-off, at most what was left,
+            break  # of a step of that size
+        exact = forces if (left / size).max() ** 2 < CONVERGED_RESIDUAL else None
+        defect = balance(loads - (K @ u if exact is None else exact(u)))
         answer = elastic(defect)
         residual = _energy_norm(defect, answer) / size  # in which round-off of stiff elements counts little
         largest = residual.max()
         if largest < CONVERGED_RESIDUAL or 0.1 * before < largest < STATIC_RESIDUAL:
             break
-        before = largest
     worst = int(residual.argmax())
     if not residual[worst] < STATIC_RESIDUAL:
         defect = balance(rounded_defect(K, u[:, [worst]]))
@@ -143,14 +146,14 @@ def _energy_norm(load: Array, answer: Array) -> Array:
 
 def _conjugate_gradients(
     K: Any, f: Array, z: Array, inverse: Callable[[Array], Array], tell: Callable[[Array], None]
-) -> Array:
+) -> tuple[Array, Array]:
     """Solve ``K u = f`` to about four digits, preconditioned by ``inverse``, from its z.
 
     All columns step in the space of all (O'Leary, Linear Algebra Appl 29, 1980): a few loads hold the lowest modes, in
-    which ``inverse`` is far from that of K. ``tell`` takes the energy norms that are left.
+    which ``inverse`` is far from that of K. ``tell`` takes the energy norms that are left, which are returned with u.
     """
-    u, r, p = np.zeros_like(f), f.copy(), z
-    enough = ROUND_GAIN * _energy_norm(r, z)
+    u, r, p, left = np.zeros_like(f), f.copy(), z, _energy_norm(f, z)
+    enough = ROUND_GAIN * left
     for _ in range(GRADIENT_STEPS):
         Kp = K @ p
         energies = p.T @ Kp
@@ -166,7 +169,7 @@ def _conjugate_gradients(
         if not (left > enough).any():
             break
         p = z - p @ (solve @ (Kp.T @ z))
-    return u
+    return u, left
 
 
 def _inverse_of(A: Array) -> Array:

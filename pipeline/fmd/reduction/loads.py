@@ -115,7 +115,10 @@ def enrich_modes(
     omega2, turn = eigh(K)
     U, n = U @ turn[:, omega2 >= SOFTER**2 * softest], Phi.shape[1]
     both = np.concatenate([Phi, U], axis=1)
-    omega2, turn = separate_modes(fe.stiffness_of(both), both.T @ (fe.M @ both))
+    stiffness = np.diag(np.concatenate([modes.omega**2, np.zeros(both.shape[1] - n)]))
+    stiffness[:, n:] = both.T @ fe.forces(both[:, n:])
+    stiffness[n:, :n] = stiffness[:n, n:].T
+    omega2, turn = separate_modes(stiffness, both.T @ (fe.M @ both))
     both[:, n:] = both @ turn[:, n:]
     return np.concatenate([modes.omega, np.sqrt(omega2[n:])]), both.reshape(len(fe.x), 3, -1)
 
