@@ -16,8 +16,9 @@ from fmd.output.contacts import contact_warnings
 from tests.contact.test_contact_points import BLOCK
 
 CLEARANCE = 1e-7
+LOW = ["100 mm", "-50 mm", "0 mm"]
 SPOT = ["200 mm", "-50 mm", "0 mm"]
-NODE = ["100 mm", "-50 mm", "0 mm"]  # by a marker there and by one at the point it moves alike, and turns otherwise
+NODE = LOW  # by a marker there and by one at the point it moves alike, and turns otherwise
 
 
 def cantilever(**tables: Any) -> Pipeline:
@@ -154,3 +155,38 @@ def test_explicit_steps_pass_where_forces_of_friction_go_round_in_circles_from_t
         body={"block": body}, drive=drives, contact={"wall": contact}, ground=ground, simulation=simulation
     )
     assert own.motion.contacts["wall"].impulse[-1, 0] == pytest.approx(-20e3 * 1.8e-4, rel=0.03)
+
+
+@pytest.mark.parametrize(("enrich", "told"), [("none", True), ("inertia", False)])
+def test_a_spring_that_would_be_stretched_otherwise_beside_the_modes_is_told_by_how_much(
+    enrich: str, told: bool
+) -> None:
+    """Its force by all elements, held at the end, under the load and the forces that these have at the wall."""
+    shape, stiffness, force = BLOCK["body"]["block"], 1e9, np.array([30e3, 3e3, 0.0])
+    markers = shape["marker"] | {"end": {"face": "x+"}, "root": {"face": "x-"}, "low": {"at": LOW}}
+    body = shape | {"modes": {"count": 3, "enrich": enrich}, "support": [{"face": "x-"}], "marker": markers}
+    ground = {"root": {"at": [0, 0, 0]}, "wall": {"at": ["200 mm", 0, 0]}, "below": {"at": LOW}}
+    pull = {"between": ["ground.below", "block.low"], "stiffness": [stiffness, 0, 0, 0, 0, 0]}
+    load = force_on("end", float(np.linalg.norm(force)), force.tolist())
+    more = {"gravity": [0, 0, 0], "tip": "block.end", "start": "equilibrium", "duration": 4e-5, "output_step": 2e-5}
+    simulation = BLOCK["simulation"] | more
+    run = cantilever(body={"block": body}, ground=ground, bushing={"pull": pull}, simulation=simulation, **load)
+    part, points = run.parts["block"], run.parts["block"].contact_points
+    n = len(part.fe.x)
+    solver, end, low = part.model.solver, part.markers["end"], part.markers["low"]
+    u = solver.static_response(np.stack([own.columns(n, np.eye(3))[:, :, 0] for own in (end, low)], axis=2))
+    side = solver.static_response(end.columns(n, np.eye(3))[:, :, 1:2])[:, :, 0]
+    stretched, pulled = force[0] * u[:, :, 0] + force[1] * side, u[:, :, 1]
+    flexible = solver.flexibility(points.nodes)[::3, ::3]
+    weight = low.columns(n, np.eye(3))[:, 0, 0]
+    soft = 1.0 + stiffness * weight @ pulled[:, 0]
+    D = flexible - stiffness / soft * np.outer(pulled[points.nodes, 0], pulled[points.nodes, 0])
+    free = stretched - stiffness / soft * pulled * (weight @ stretched[:, 0])
+    L = np.linalg.cholesky(D)
+    pressed, _ = nnls(L.T, -np.linalg.solve(L, CLEARANCE - free[points.nodes, 0]), maxiter=1000)
+    exact = stiffness / soft * (weight @ stretched[:, 0] - pulled[points.nodes, 0] @ pressed)
+    (element,) = run.motion.mechanism.elements
+    off = abs(run.motion.kinematics.wrenches(element)[0, 0, 0]) / exact - 1.0
+    (text,) = [each["text"] for each in contact_warnings(run) if each["code"] == "contact-spring"] or [" 0%"]
+    assert told == (text != " 0%")
+    assert float(text.partition("%")[0].split()[-1]) / 100.0 == pytest.approx(off, rel=0.15, abs=0.01)

@@ -90,11 +90,11 @@ def contact_points(
     elastic = None if others else material.isotropic
     G = G.reshape(n, 3, n, 3)
     x = body.x[at].copy()
-    yields = _find_yields(fe, solver, body, at, loaded)
+    yields = find_yields(fe, solver, body, at, loaded)
     return ContactPoints(x, areas, shapes, G, numbers, raised, surfaces, elastic=elastic, nodes=at, yields=yields)
 
 
-def _find_yields(
+def find_yields(
     fe: FEModel, solver: FreeBodySolver, body: FlexibleBody, nodes: IntArray, markers: Mapping[str, Marker]
 ) -> dict[str, Array]:
     """Return displacements of nodes beside the modes by unit forces and moments on markers, (n, 3, 6) each."""

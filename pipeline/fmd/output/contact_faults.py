@@ -1,4 +1,4 @@
-"""Faults of surfaces that touch: the side that they look to, and a material that counts for nothing."""
+"""Faults of surfaces that touch: the side that they look to, a material that counts for nothing, what isn't felt."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -6,9 +6,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from fmd.contact.flexibility import find_yields
 from fmd.contact.surfaces import find_rim, node_normals
-from fmd.core.limits.contact import DEPTH_FRAMES, FACE_ALIKE, FELT_OF_JOINT, RIGID_BESIDE, ROUNDED_START
+from fmd.contact.touching_body import TouchingBody
+from fmd.core.arrays import Array
+from fmd.core.limits.contact import DEPTH_FRAMES, FACE_ALIKE, RIGID_BESIDE, ROUNDED_START, UNFELT
+from fmd.dynamics.elements import SixAxisSpring
 from fmd.integrators.exponential import Exponential
+from fmd.integrators.protocol import evaluate
 from fmd.recovery.motion import Motion
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.rigid_contacts import rigid_surface
@@ -56,39 +61,105 @@ def material_faults(run: Pipeline) -> Iterator[str]:
                     )
 
 
-def joint_faults(run: Pipeline) -> Iterator[str]:
-    """Yield which joints deflect faces that are pressed by much beside the modes, which gaps don't feel.
+def unfelt_faults(run: Pipeline) -> Iterator[tuple[str, str]]:
+    """Yield kind and text of what isn't felt beside the modes where faces touch: by gaps, or by springs' ends."""
+    if run.motion.touched is None:
+        return
+    for body in run.motion.mechanism.contacts:
+        if body.body in run.parts:
+            yield from (("contact-joint", text) for text in _joint_faults(run, body))
+            yield from (("contact-spring", text) for text in _spring_faults(run, body))
+            yield from (
+                (
+                    "contact-gear",
+                    f"gear_mesh.{name}: forces on the teeth of {body.body} deflect neither its modes nor its faces in "
+                    "contact; a torque on its hinge and a contact of another body are free of that",
+                )
+                for name, own in run.scene.gear_mesh.items()
+                if body.body in (own.pinion, own.wheel)
+            )
+
+
+def _joint_faults(run: Pipeline, body: TouchingBody) -> Iterator[str]:
+    """Yield which joints deflect a body's faces that are pressed by much beside the modes, which gaps don't feel.
 
     The deflection is weighted by the forces of contact, whose own is the measure.
     """
-    motion, touched = run.motion, run.motion.touched
-    if touched is None:
+    motion, (forces, pressed) = run.motion, _pressed_times(run.motion, body)
+    ends = [
+        (name, side, end.partition(".")[2])
+        for name, joint in run.scene.joint.items()
+        for side, end in enumerate((joint.parent, joint.child))
+        if end.partition(".")[0] == body.body and joint.kind.n_rates < 6
+    ]
+    ends = [each for each in ends if np.abs(body.points.yields.get(each[2], np.zeros(1))).max() > 0.0]
+    works, own = np.zeros(len(ends)), 0.0
+    for k in pressed if ends else ():
+        part = motion.part(k, k + 1)
+        R, f = part.kinematics.frames[motion.mechanism.number_of(body.body)].rotation[0], forces[k]
+        own += float(np.einsum("na,namb,mb->", f, body.points.G, f))
+        for j, (name, side, marker) in enumerate(ends):
+            wrench = (part.joint_loads.reactions[name][0, side].reshape(2, 3) @ R).ravel()
+            works[j] += np.einsum("na,nak,k->", f, body.points.yields[marker], wrench)
+    for (name, _, marker), work in zip(ends, works, strict=True):
+        if abs(work) > UNFELT * own:
+            yield (
+                f"joint.{name}: what it does at {body.body}.{marker} deflects faces in contact beside the modes by "
+                f"{abs(work) / own:.0%} of what the contact does, which its gaps don't feel; more modes, or "
+                f"body.{body.body}.modes.enrich = 'inertia', have it"
+            )
+
+
+def _spring_faults(run: Pipeline, body: TouchingBody) -> Iterator[str]:
+    """Yield which springs, bushings and bearings would be stretched otherwise by what they don't feel of a body.
+
+    That is what contacts, loads and force elements deflect at their ends beside the modes, weighted by their own
+    forces, whose work over their own stretch is the measure.
+    """
+    motion, part = run.motion, run.parts[body.body]
+    forces, pressed = _pressed_times(motion, body)
+    ends = [
+        (kind, name, side, end.partition(".")[2])
+        for kind, table in run.scene.elements.items()
+        for name, element in table.items()
+        for side, end in enumerate(element.between)
+        if end.partition(".")[0] == body.body and pressed
+    ]
+    if not ends:
         return
-    for body in motion.mechanism.contacts:
-        ends = [
-            (name, side, end.partition(".")[2])
-            for name, joint in run.scene.joint.items()
-            for side, end in enumerate((joint.parent, joint.child))
-            if end.partition(".")[0] == body.body and joint.kind.n_rates < 6
-        ]
-        ends = [each for each in ends if np.abs(body.points.yields.get(each[2], np.zeros(1))).max() > 0.0]
-        forces = touched.forces[body.body]
-        pressed = np.flatnonzero(forces.any(axis=(1, 2))) if ends else np.zeros(0, dtype=np.int64)
-        works, own = np.zeros(len(ends)), 0.0
-        for k in pressed[:: -(-len(pressed) // DEPTH_FRAMES) or 1].tolist():
-            part = motion.part(k, k + 1)
-            R, f = part.kinematics.frames[motion.mechanism.number_of(body.body)].rotation[0], forces[k]
-            own += float(np.einsum("na,namb,mb->", f, body.points.G, f))
-            for j, (name, side, marker) in enumerate(ends):
-                wrench = (part.joint_loads.reactions[name][0, side].reshape(2, 3) @ R).ravel()
-                works[j] += np.einsum("na,nak,k->", f, body.points.yields[marker], wrench)
-        for (name, _, marker), work in zip(ends, works, strict=True):
-            if abs(work) > FELT_OF_JOINT * own:
-                yield (
-                    f"joint.{name}: what it does at {body.body}.{marker} deflects faces in contact beside the modes by "
-                    f"{abs(work) / own:.0%} of what the contact does, which its gaps don't feel; more modes, or "
-                    f"body.{body.body}.modes.enrich = 'inertia', have it"
-                )
+    loaded, all_nodes = {name: part.markers[name] for name in body.felt}, np.arange(len(part.fe.x))
+    found = find_yields(part.fe, part.model.solver, part.body, all_nodes, loaded)
+    yields = np.concatenate([found[name] for name in body.felt], axis=2)
+    felt, p, a = np.empty((len(pressed), yields.shape[2])), run.system.parameters, np.zeros(run.system.n)
+    number, own = motion.mechanism.number_of(body.body), list(motion.mechanism.contacts).index(body)
+    for row, k in zip(felt, pressed, strict=True):
+        evaluate(p, float(motion.times[k]), motion.trajectory.q[k].copy(), motion.trajectory.v[k].copy(), a)
+        row[:] = p.contact.felt[own, : len(row)]
+    R, elements = motion.kinematics.frames[number].rotation[pressed], {at.name: at for at in motion.mechanism.elements}
+    for kind, name, side, marker in ends:
+        element = elements[name]
+        wrenches, strain = motion.kinematics.wrenches(element)[pressed], motion.kinematics.strain(element)[0][pressed]
+        flat = np.einsum("tkb,tba->tka", wrenches[:, side].reshape(-1, 2, 3), R).reshape(-1, 6)
+        own_yields = np.einsum("nak,nam->km", loaded[marker].columns(len(all_nodes), np.eye(3)), yields)
+        moved = felt @ own_yields.T + np.einsum("tna,nak->tk", forces[pressed], body.points.yields[marker])
+        stretch = np.linalg.norm(flat[:, :3], axis=1) * np.abs(strain[:, 0])
+        if isinstance(element, SixAxisSpring):
+            n = strain.shape[1]
+            stretch = np.einsum("ti,ij,tj->t", strain, element.K[:n, :n], strain)
+        unfelt = np.abs((flat * moved).sum(axis=1)).sum()
+        if unfelt > UNFELT * stretch.sum():
+            yield (
+                f"{kind}.{name}: what forces deflect at {body.body}.{marker} beside the modes is "
+                f"{unfelt / stretch.sum():.0%} of its stretch, which it doesn't feel; more modes, or "
+                f"body.{body.body}.modes.enrich = 'inertia', have it"
+            )
+
+
+def _pressed_times(motion: Motion, body: TouchingBody) -> tuple[Array, list[int]]:
+    """Return the forces on a body's points (n_times, n, 3), and some of the output times at which there are any."""
+    forces = motion.touched.forces[body.body] if motion.touched else np.zeros((0, 0, 3))
+    pressed = np.flatnonzero(forces.any(axis=(1, 2)))
+    return forces, pressed[:: -(-len(pressed) // DEPTH_FRAMES) or 1].tolist()
 
 
 def start_faults(run: Pipeline) -> Iterator[str]:
