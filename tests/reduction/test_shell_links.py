@@ -12,7 +12,8 @@ from fmd.core.errors import InputError
 from fmd.core.rotations import rigid_motions
 from fmd.fem.assembly import assemble
 from fmd.fem.deck_links import find_deck_links
-from fmd.fem.formats.import_shell import GivenSections, read_shell
+from fmd.fem.formats.import_joined import read_structure
+from fmd.fem.formats.import_shell import GivenSections
 from fmd.fem.links import Linked, LinkedFace, LinkedModel, LumpedMass, link_points
 from fmd.fem.local_markers import single_node_marker
 from fmd.fem.markers import face_marker
@@ -41,7 +42,7 @@ def model_of(path: Path, cards: tuple[str, ...] = MOTOR) -> LinkedModel:
     """Return the model of a panel in a deck of Nastran with cards beside it."""
     x, cells = panel()
     write_nastran(path, x, {"CQUAD4": cells}, "\n".join(cards))
-    mesh = read_shell(path, 1e-3, GivenSections(2e-3), mass_unit=1.0, force_unit=1.0)
+    mesh = read_structure(path, 1e-3, GivenSections(2e-3), units=(1.0, 1.0))
     fe = assemble(mesh, 1, STEEL)
     assert mesh.connections is not None
     return link_points(fe, find_deck_links(mesh.connections, fe))
@@ -85,7 +86,7 @@ def test_links_of_a_shells_deck_are_those_of_dense_algebra(tmp_path: Path, link:
     model = model_of(tmp_path / "panel.bdf", (*MOTOR, card))
     found = FreeBodySolver(model).modes(8).omega
 
-    fe = assemble(read_shell(tmp_path / "panel.bdf", 1e-3, GivenSections(2e-3), 1.0, 1.0), 1, STEEL)
+    fe = assemble(read_structure(tmp_path / "panel.bdf", 1e-3, GivenSections(2e-3), units=(1.0, 1.0)), 1, STEEL)
     midsurface, T = fe.discretisation.mesh.midsurface, fe.T.toarray()  # type: ignore[union-attr]
     assert midsurface is not None
     own = len(midsurface.owner) + nodes
@@ -107,7 +108,7 @@ def test_a_mass_beside_a_shells_node_turns_as_the_elements_around_it(tmp_path: P
     node = end_nodes()[3]
     mass = f"CONM2,901,{node + 1},0,0.5,10.,20.,30.\n+,1000.,0.,2000.,0.,0.,1500."
     model = model_of(tmp_path / "panel.bdf", (mass,))
-    fe = assemble(read_shell(tmp_path / "panel.bdf", 1e-3, GivenSections(2e-3), 1.0, 1.0), 1, STEEL)
+    fe = assemble(read_structure(tmp_path / "panel.bdf", 1e-3, GivenSections(2e-3), units=(1.0, 1.0)), 1, STEEL)
     marker = single_node_marker(fe.discretisation, len(fe.discretisation.x) + node)
     D = marker.columns(len(fe.x), np.eye(3)).reshape(-1, 6).T @ fe.T
     assert FreeBodySolver(model).modes(8).omega == pytest.approx(dense_frequencies(fe, D, np.eye(6)), rel=1e-7)
@@ -131,7 +132,7 @@ def test_rigid_bodies_of_abaqus_are_those_of_nastran_with_pins_or_without(tmp_pa
         more = f"*NODE\n900, {at}\n*NSET, NSET=END\n{ends}\n*RIGID BODY, REF NODE=900, {key}=END\n"
         more += "*ELEMENT, TYPE=MASS, ELSET=M\n9000, 900\n*MASS, ELSET=M\n0.5"
         write_abaqus(tmp_path / "panel.inp", x, {"S4": cells}, more)
-        mesh = read_shell(tmp_path / "panel.inp", 1e-3, GivenSections(2e-3), 1.0)
+        mesh = read_structure(tmp_path / "panel.inp", 1e-3, GivenSections(2e-3), units=(1.0, None))
         assert mesh.notes[-1] == "links and masses of the file belong to the body: 1 *RIGID BODY, 1 MASS"
         assert mesh.connections is not None
         fe = assemble(mesh, 1, STEEL)
@@ -141,7 +142,7 @@ def test_rigid_bodies_of_abaqus_are_those_of_nastran_with_pins_or_without(tmp_pa
     more = f"*NSET, NSET=END\n{ends}\n*RIGID BODY, REF NODE=1, NSET=END\n"
     write_abaqus(tmp_path / "panel.inp", x, {"S4": cells}, more)
     with pytest.raises(InputError, match=r"BODY 1 has a node of shells or beams as REF NODE.*one of no element at its"):
-        read_shell(tmp_path / "panel.inp", 1e-3, GivenSections(2e-3), 1.0)
+        read_structure(tmp_path / "panel.inp", 1e-3, GivenSections(2e-3), units=(1.0, None))
 
 
 def test_a_distributing_coupling_weights_a_shells_nodes_by_the_area_around_them(tmp_path: Path) -> None:
@@ -150,7 +151,7 @@ def test_a_distributing_coupling_weights_a_shells_nodes_by_the_area_around_them(
     more += "*ELSET, ELSET=PAD\n21, 22, 23, 24\n*SURFACE, NAME=PAD\nPAD, SPOS\n*COUPLING, REF NODE=900, SURFACE=PAD\n"
     more += "*DISTRIBUTING\n1, 6\n*ELEMENT, TYPE=MASS, ELSET=M\n9000, 900\n*MASS, ELSET=M\n0.5"
     write_abaqus(tmp_path / "panel.inp", x, {"S4": cells}, more)
-    mesh = read_shell(tmp_path / "panel.inp", 1e-3, GivenSections(2e-3), 1.0)
+    mesh = read_structure(tmp_path / "panel.inp", 1e-3, GivenSections(2e-3), units=(1.0, None))
     assert mesh.connections is not None
     fe = assemble(mesh, 1, STEEL)
     (link,) = find_deck_links(mesh.connections, fe).links.values()
@@ -165,7 +166,7 @@ def test_masses_of_a_shells_deck_in_millimetres_ask_for_their_unit(tmp_path: Pat
     x, cells = panel()
     write_nastran(tmp_path / "panel.bdf", x, {"CQUAD4": cells}, "CONM2,901,5,0,0.5")
     with pytest.raises(InputError, match=r"say the file's unit, mesh\.mass_unit"):
-        read_shell(tmp_path / "panel.bdf", 1e-3, GivenSections(2e-3))
+        read_structure(tmp_path / "panel.bdf", 1e-3, GivenSections(2e-3))
 
 
 @pytest.mark.parametrize("rigid", [True, False])
