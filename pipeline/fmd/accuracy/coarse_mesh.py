@@ -110,17 +110,16 @@ def make_coarse_pair(run: Pipeline) -> Pair | str:
     which is asked for, decides how many elements there are, all meshes are alike and tell nothing.
     """
     why = NO_COARSER_MESH
-    others = [coarsen_meshes(run.scene, times) for times in COARSENING_FACTORS]
-    if not any(isinstance(part.mesh, JoinedMesh) for part in run.parts.values()):  # shells alone are divided
-        others.append(halve_elements(run.scene))
-    for scene in filter(None, others):
+    joined = any(isinstance(part.mesh, JoinedMesh) for part in run.parts.values())  # shells alone are divided
+    halved = None if joined else halve_elements(run.scene)
+    for scene in filter(None, [*(coarsen_meshes(run.scene, times) for times in COARSENING_FACTORS), halved]):
         try:
             pair = _pair(run, scene)
         except FAULTS as fault:  # the latter where it has fewer modes than required
             why = f"not estimated: on another mesh, {fault}"
         else:
             alike = "not estimated: of larger elements the mesh has as many, since its faces decide their size"
-            return pair if pair.gains["displacement"] else alike
+            return pair if pair.is_coarser or scene is halved else alike
     return why
 
 
