@@ -13,7 +13,6 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import Cache
 from fmd.core.limits.errors import ALIKE, ALIKE_MODES, MIXED_MODE, MORE_COARSE_MODES
 from fmd.core.limits.round_off import SOLVED
-from fmd.fem.joined import JoinedMesh
 from fmd.reduction.body import FlexibleBody
 from fmd.scene.any_body import Flexible
 from fmd.scene.scene import Scene
@@ -109,6 +108,8 @@ def make_coarse_pair(run: Pipeline) -> Pair | str:
     Few curved elements may be inverted: then a mesh that is less coarse is tried. Where the faces' own size, not that
     which is asked for, decides how many elements there are, all meshes are alike and tell nothing.
     """
+    from fmd.fem.joined import JoinedMesh
+
     why = NO_COARSER_MESH
     joined = any(isinstance(part.mesh, JoinedMesh) for part in run.parts.values())  # shells alone are divided
     halved = None if joined else halve_elements(run.scene)
