@@ -1,7 +1,8 @@
 """Interface between integrators and the systems that they march.
 
-A system is its parameters, a `Table` of flat arrays, and compiled functions of them. The functions here are names only:
-what each does is registered for a type of parameters, so that one integrator kernel serves every mechanism.
+A system is its parameters, a `Table` of flat arrays, and compiled functions of them. What the functions here do is
+registered for a type of parameters, so that one integrator kernel serves every mechanism; those of loops and contacts
+do nothing for a type that knows of none.
 """
 
 from collections.abc import Sequence
@@ -14,6 +15,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import COST_OF_COORDINATE
 from fmd.dynamics.step_bounds import StepBounds, no_bounds
+from fmd.kernels.kernel import inlined
 
 
 @singledispatch
@@ -23,33 +25,39 @@ def accelerations(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
 
 
 @singledispatch
+@inlined
 def project(p: Any, t: float, q: Array, v: Array) -> None:
     """Bring positions and rates at time t [s] back onto the constraints of loops, the shortest way by the mass matrix.
 
     Which constraints are independent is found at the next state whose accelerations are asked for, and then kept until
-    the next projection: stages of one step take the same ones. Nothing happens without loops.
+    the next projection: stages of one step take the same ones.
     """
-    raise NotImplementedError
 
 
 @singledispatch
+@inlined
 def note_held(p: Any, groups: IntArray, largest: Array, held: Array) -> None:
     """Raise ``held`` to how much constraints changed the accelerations that were evaluated last, by groups of rates.
 
     Those count that haven't moved: ``largest``, (n_groups,), is no more than `STILL_GROUP`. ``groups``, (n,), has the
-    group of each rate, -1 of none. Nothing happens without loops.
+    group of each rate, -1 of none.
     """
-    raise NotImplementedError
 
 
 @singledispatch
+@inlined
 def project_onto_constraints(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     """Close the residuals of loops at the end of a leapfrog step h, at time t [s], by forces along Jᵀ at its begin.
 
     That is SHAKE (Ryckaert, Ciccotti & Berendsen, J Comput Phys 23, 1977): positions move as the rates over the step
-    change, and so do these and the accelerations. Nothing happens without loops.
+    change, and so do these and the accelerations.
     """
-    raise NotImplementedError
+
+
+@singledispatch
+@inlined
+def choose_constraints_anew(p: Any) -> None:
+    """Let the next state whose accelerations are asked for decide which constraints are independent."""
 
 
 @singledispatch
@@ -59,27 +67,33 @@ def leapfrog_step(p: Any, leapfrog: Any, t: float, h: float, q: Array, v: Array,
 
 
 @singledispatch
+@inlined
 def note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
     """Fill the values of a mechanism's contacts at a state of a march within or after its last step."""
-    raise NotImplementedError
 
 
 @singledispatch
+@inlined
 def remember_contacts(p: Any, t: float, q: Array, v: Array) -> None:
     """Let a mechanism's contacts remember the end of a step, from which friction and damping go on."""
-    raise NotImplementedError
 
 
 @singledispatch
+@inlined
+def remember_found(p: Any, t: float) -> None:
+    """Let a mechanism's contacts remember the state whose accelerations were evaluated last."""
+
+
+@singledispatch
+@inlined
 def contact_forces(p: Any, forces: Array) -> None:
     """Fill the forces of contacts, three each, at the state whose accelerations were evaluated last."""
-    raise NotImplementedError
 
 
 @singledispatch
+@inlined
 def set_impulses(p: Any, impulses: Array) -> None:
     """Let contacts remember impulses, three each, at the end of the last step."""
-    raise NotImplementedError
 
 
 @singledispatch
@@ -89,9 +103,10 @@ def may_touch(p: Any, t: float, ahead: float, q: Array, v: Array) -> bool:
 
 
 @singledispatch
+@inlined
 def is_pressed(p: Any, t: float, q: Array, v: Array) -> bool:
     """Tell if surfaces press one another in a state, of which nothing is remembered."""
-    raise NotImplementedError
+    return False
 
 
 @singledispatch

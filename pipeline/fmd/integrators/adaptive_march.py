@@ -14,7 +14,7 @@ from fmd.core.limits.stepping import HARDLY_MOVING
 from fmd.dynamics.step_bounds import StepBounds
 from fmd.dynamics.system import advance, project
 from fmd.integrators.step_control import keep_largest
-from fmd.kernels.kernel import inner
+from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.table import Table
 
 
@@ -98,9 +98,9 @@ def try_step(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float, reached: floa
 
 
 @singledispatch
+@inlined
 def prepare_samples(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
     """Prepare what `sample_step` needs of an accepted step."""
-    raise NotImplementedError
 
 
 @singledispatch

@@ -12,13 +12,12 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
     StepsBack,
     accelerate_back,
     advance_back,
-    choose_constraints_anew,
     keep_step,
     project_back,
     step_back,
 )
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.system import advance
+from fmd.dynamics.system import advance, choose_constraints_anew
 from fmd.integrators.adjoint import Sums, WeightedMarch, WeightedOutput, has_next, make_room, sections_back, take_back
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import State

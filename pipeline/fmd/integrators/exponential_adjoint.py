@@ -15,10 +15,9 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.adjoint_kernels import (
     StepsBack,
     accelerate_back,
-    choose_constraints_anew,
     project_back,
 )
-from fmd.dynamics.system import accelerations
+from fmd.dynamics.system import accelerations, choose_constraints_anew
 from fmd.integrators.adjoint import Sums, WeightedMarch, WeightedOutput, has_next, make_room, sections_back, take_back
 from fmd.integrators.exponential import Exponential, ExponentialSteps, fill_functions, move_oscillator, take_step
 from fmd.kernels.kernel import inner, kernel

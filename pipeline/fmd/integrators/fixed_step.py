@@ -34,18 +34,19 @@ class SingleSteps(Table):
 
 
 @singledispatch
+@inlined
 def begin_cycle(m: Any, p: Any, frozen: Any, first: int, sampled: bool) -> None:
     """Prepare the cycle that begins with step number ``first``; ``sampled`` tells if an output time is in it."""
-    raise NotImplementedError
 
 
 @singledispatch
+@inlined
 def take_cycles(m: Any, p: Any, frozen: Any, first: int, count: int) -> int:
     """Take ``count`` cycles without samples from step number ``first`` on, and return how many are taken.
 
     Methods with a short way to it take all, or up to the one after which rates run away; the others none.
     """
-    raise NotImplementedError
+    return 0
 
 
 @singledispatch
@@ -64,24 +65,9 @@ def sample_within(m: Any, p: Any, done: int, s: float, q: Array, v: Array) -> No
 
 
 @singledispatch
+@inlined
 def end_cycle(m: Any, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
     """Complete a cycle, and its samples from number ``first_sample`` to the cursor."""
-    raise NotImplementedError
-
-
-@take_cycles.register(Table)
-def _take_no_cycles(m: Any, p: Any, frozen: Any, first: int, count: int) -> int:
-    return 0
-
-
-@begin_cycle.register(SingleSteps)
-def _begin_nothing(m: Any, p: Any, frozen: Any, first: int, sampled: bool) -> None:
-    pass
-
-
-@end_cycle.register(SingleSteps)
-def _end_nothing(m: Any, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
-    pass
 
 
 @inlined

@@ -20,11 +20,10 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
     StepsBack,
     accelerate_back,
     advance_back,
-    choose_constraints_anew,
     project_back,
 )
 from fmd.dynamics.compiled_system.tangent_kernels import copy
-from fmd.dynamics.system import accelerations, advance
+from fmd.dynamics.system import accelerations, advance, choose_constraints_anew
 from fmd.integrators.adjoint import Sums, WeightedMarch, WeightedOutput, has_next, make_room, sections_back, take_back
 from fmd.integrators.fixed_step import take_steps
 from fmd.integrators.generalized_alpha import GeneralizedAlpha, NewmarkSteps, factor_tangent, move_to_end, solve_part

@@ -18,18 +18,11 @@ from fmd.dynamics.system import (
     System,
     accelerations,
     advance,
-    contact_forces,
-    is_pressed,
-    note_contacts,
-    note_held,
     project,
-    project_onto_constraints,
-    remember_contacts,
-    set_impulses,
     velocities,
 )
 from fmd.kernels.kernel import kernel
-from fmd.kernels.table import Table, aligned
+from fmd.kernels.table import aligned
 
 Progress = Callable[[float], None]
 """Called with the part of the march that is done, 0…1."""
@@ -333,40 +326,3 @@ def evaluate_state(p: Any, y: Array, slope: Array, n_positions: int, t: float) -
     q, v = y[:n_positions], y[n_positions:]
     accelerations(p, t, q, v, slope[n_positions:])
     velocities(p, q, v, slope[:n_positions])
-
-
-@project.register(Table)
-def _project(p: Any, t: float, q: Array, v: Array) -> None:
-    """Leave a state as it is: parameters that say nothing else know of no constraints."""
-
-
-@project_onto_constraints.register(Table)
-def _project_onto_constraints(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
-    """Leave a step as it is, likewise."""
-
-
-@note_held.register(Table)
-def _note_held(p: Any, groups: IntArray, largest: Array, held: Array) -> None:
-    """Note nothing, likewise."""
-
-
-@remember_contacts.register(Table)
-def _remember_contacts(p: Any, t: float, q: Array, v: Array) -> None:
-    """Remember nothing, likewise."""
-
-
-@note_contacts.register(Table)
-def _note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
-    """Note nothing, likewise."""
-
-
-@contact_forces.register(Table)
-@set_impulses.register(Table)
-def _pass_over_contacts(p: Any, values: Array) -> None:
-    """Leave values as they are, likewise."""
-
-
-@is_pressed.register(Table)
-def _is_never_pressed(p: Any, t: float, q: Array, v: Array) -> bool:
-    """Return false, likewise."""
-    return False

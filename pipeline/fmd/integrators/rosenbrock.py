@@ -28,7 +28,6 @@ from fmd.integrators.adaptive_march import (
     AdaptiveMarch,
     begin_step,
     end_step,
-    prepare_samples,
     sample_step,
     set_trial,
     try_step,
@@ -278,11 +277,6 @@ def _try_step(m: _RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float,
         m.error[i] = max(error, 0.0) if math.isfinite(m.error[i]) else math.nan
     set_trial(s)
     return scaled_error(s.groups, s.trial, s.balance, m.error, n_positions, h)
-
-
-@prepare_samples.register(_RosenbrockSteps)
-def _prepare_samples(m: _RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
-    pass
 
 
 @sample_step.register(_RosenbrockSteps)

@@ -19,11 +19,10 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
     StepsBack,
     accelerate_back,
     advance_back,
-    choose_constraints_anew,
     project_back,
     velocities_back,
 )
-from fmd.dynamics.system import accelerations, advance, velocities
+from fmd.dynamics.system import accelerations, advance, choose_constraints_anew, velocities
 from fmd.integrators import dop853
 from fmd.integrators.adaptive import begin_steps, march_steps, require_steps
 from fmd.integrators.adjoint import (

@@ -333,8 +333,3 @@ def _sample_whole(m: WholeSteps, p: Any, done: int, s: float, q: Array, v: Array
             a, rate, q[i] = m.a_now[i], m.v_now[i] - 0.5 * (step - ahead) * m.a_now[i], m.q_now[i]
         v[i] = rate + 0.5 * ahead * a
         q[i] += ahead * rate
-
-
-@end_cycle.register(WholeSteps)
-def _end_whole_cycle(m: WholeSteps, p: Any, cycle: Any, first: int, samples: Samples, first_sample: int) -> None:
-    pass

@@ -283,7 +283,7 @@ class Expressions:
         if (registered := getattr(function, "dispatch", None)) is not None:
             first = arguments[0].type
             chosen = registered(first.table if isinstance(first, TableType) else object)
-            if chosen is registered(object):
+            if chosen is registered(object) and not self.module.is_marked(chosen):
                 raise NotInSubset(f"{function.__name__} is not registered for {name_of(first)}")
             function = chosen
         elif not self.module.is_marked(function):

@@ -99,21 +99,15 @@ def step_back(p: Any, s: StepsBack, t: float, k: int) -> None:
 
 
 @singledispatch
-def choose_constraints_anew(p: Any) -> None:
-    """Let the next state whose accelerations are asked for decide which constraints are independent."""
-    raise NotImplementedError
-
-
-@singledispatch
 def accelerate_back(p: Any, s: StepsBack, t: float, q: Array, v: Array, a: Array) -> None:
     """Differentiate accelerations at a state by it, with the weights ``da``: ``of_q`` and ``of_v``."""
     raise NotImplementedError
 
 
 @singledispatch
+@inlined
 def project_back(p: Any, s: StepsBack, t: float, q: Array, v: Array, dq: Array, dv: Array) -> None:
     """Take derivatives by a state that is projected onto the constraints back to those by the state itself."""
-    raise NotImplementedError
 
 
 @keep_step.register(TreeParameters)
@@ -137,19 +131,9 @@ def _step_back(p: TreeParameters, s: StepsBack, t: float, k: int) -> None:
     pull_back(p, s, t, s.q[k], s.v[k], s.a[k], s.none, s.da)
 
 
-@choose_constraints_anew.register(TreeParameters)
-def _choose_nothing(p: TreeParameters) -> None:
-    pass
-
-
 @accelerate_back.register(TreeParameters)
 def _accelerate_back(p: TreeParameters, s: StepsBack, t: float, q: Array, v: Array, a: Array) -> None:
     pull_back(p, s, t, q, v, a, s.none, s.da)
-
-
-@project_back.register(TreeParameters)
-def _project_back(p: TreeParameters, s: StepsBack, t: float, q: Array, v: Array, dq: Array, dv: Array) -> None:
-    pass
 
 
 @inlined

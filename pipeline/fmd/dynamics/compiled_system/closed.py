@@ -18,9 +18,16 @@ from fmd.core.limits.rank import DEPENDENT_PIVOT, NO_PIVOT
 from fmd.core.limits.stepping import STILL_GROUP
 from fmd.core.newton import settles
 from fmd.dynamics.compiled_system.kernels import set_inputs
-from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog, Multipliers, TreeParameters
+from fmd.dynamics.compiled_system.parameters import ClosedParameters, Multipliers
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.system import accelerations, advance, leapfrog_step, note_held, project, project_onto_constraints
+from fmd.dynamics.system import (
+    accelerations,
+    advance,
+    choose_constraints_anew,
+    note_held,
+    project,
+    project_onto_constraints,
+)
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.vectors import call_native
 
@@ -192,16 +199,9 @@ def project_rates(p: ClosedParameters, q: Array, v: Array) -> None:
             v[i] += p.whole.push[i]
 
 
-@leapfrog_step.register(ClosedParameters)
-def _leapfrog_step(p: ClosedParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
-    for i in range(v.size):
-        leapfrog.v_now[i] = v[i] + 0.5 * h * a[i]
+@choose_constraints_anew.register(ClosedParameters)
+def _choose_constraints_anew(p: ClosedParameters) -> None:
     p.whole.fresh[0] = 1.0
-    accelerations(p, t, q, leapfrog.v_now, a)
-    for i in range(v.size):
-        v[i] += h * a[i]
-    advance(p, q, v, h, 0, v.size)
-    project_onto_constraints(p, t + h, h, q, v, a)
 
 
 @project_onto_constraints.register(ClosedParameters)
@@ -227,39 +227,24 @@ def _project_onto_constraints(p: ClosedParameters, t: float, h: float, q: Array,
 
 
 @singledispatch
+@inlined
 def begin_reaction(p: Any, inertia: int, solve_slow: int, q: Array, n_slow: int) -> None:
     """Prepare `close_reaction` at positions of the last accelerations, with addresses of functions."""
-    raise NotImplementedError
 
 
 @singledispatch
+@inlined
 def close_reaction(p: Any, x: Array, first: int, count: int, n_slow: int) -> None:
     """Let the slow coordinates' answers x (n, 8) to ``count`` fast ones from ``first`` on keep the constraints, too.
 
     x is ``M_LL⁻¹ M_LS``, and D with ``M_LL D + J_Lᵀ μ = M_LS``, ``J_L D = J_S`` after.
     """
-    raise NotImplementedError
 
 
 @singledispatch
+@inlined
 def close_response(p: Any, f: Array, x: Array) -> None:
     """Let accelerations x = M̂⁻¹ f, (n, 8), answer forces as the constraints allow."""
-    raise NotImplementedError
-
-
-@begin_reaction.register(TreeParameters)
-def _begin_nothing(p: TreeParameters, inertia: int, solve_slow: int, q: Array, n_slow: int) -> None:
-    pass
-
-
-@close_reaction.register(TreeParameters)
-def _react_freely(p: TreeParameters, x: Array, first: int, count: int, n_slow: int) -> None:
-    pass
-
-
-@close_response.register(TreeParameters)
-def _respond_freely(p: TreeParameters, f: Array, x: Array) -> None:
-    pass
 
 
 @begin_reaction.register(ClosedParameters)

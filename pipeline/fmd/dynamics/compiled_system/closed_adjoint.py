@@ -16,7 +16,6 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
     StepsBack,
     accelerate_back,
     advance_back,
-    choose_constraints_anew,
     keep_evaluation,
     keep_step,
     project_back,
@@ -104,11 +103,6 @@ def _turn_step_back(p: ClosedParameters, s: StepsBack, t: float, k: int) -> None
     copy(s.of_v, s.rate)
     _accelerate_by(p, s, t, s.q[k], s.v[k], s.a_free, s.f[k])
     _add(s.rate, s.of_v)
-
-
-@choose_constraints_anew.register(ClosedParameters)
-def _choose_anew(p: ClosedParameters) -> None:
-    p.whole.fresh[0] = 1.0
 
 
 @accelerate_back.register(ClosedParameters)

@@ -6,7 +6,15 @@ from typing import Any
 
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.parameters import CompiledParameters, Leapfrog, TreeParameters
-from fmd.dynamics.system import accelerations, advance, leapfrog_step, project, project_onto_constraints, velocities
+from fmd.dynamics.system import (
+    accelerations,
+    advance,
+    choose_constraints_anew,
+    leapfrog_step,
+    project_onto_constraints,
+    remember_found,
+    velocities,
+)
 from fmd.kernels.kernel import inlined
 from fmd.kernels.vectors import call_native
 
@@ -32,16 +40,6 @@ def _accelerations(p: TreeParameters, t: float, q: Array, v: Array, a: Array) ->
     call_native(p.accelerations, (p.inputs, q, v, a))
 
 
-@project.register(TreeParameters)
-def _project(p: TreeParameters, t: float, q: Array, v: Array) -> None:
-    pass
-
-
-@project_onto_constraints.register(TreeParameters)
-def _close_nothing(p: TreeParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
-    pass
-
-
 @leapfrog_step.register(TreeParameters)
 def _leapfrog_step(p: TreeParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     if leapfrog.leap:
@@ -52,15 +50,19 @@ def _leapfrog_step(p: TreeParameters, leapfrog: Leapfrog, t: float, h: float, q:
     take_leap(p, leapfrog, t, h, q, v, a)
 
 
+@leapfrog_step.register(CompiledParameters)
 @inlined
 def take_leap(p: Any, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     """Take a leapfrog step of any mechanism by its accelerations."""
     for i in range(v.size):
         leapfrog.v_now[i] = v[i] + 0.5 * h * a[i]
+    choose_constraints_anew(p)
     accelerations(p, t, q, leapfrog.v_now, a)
+    remember_found(p, t)
     for i in range(v.size):
         v[i] += h * a[i]
     advance(p, q, v, h, 0, v.size)
+    project_onto_constraints(p, t + h, h, q, v, a)
 
 
 @advance.register(CompiledParameters)

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 from fmd.core.arrays import Array, IntArray
 from fmd.dynamics.compiled_system.kernels import take_leap
-from fmd.dynamics.compiled_system.parameters import Leapfrog
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.turns import Turns
-from fmd.dynamics.system import accelerations, advance, leapfrog_step, project_onto_constraints, velocities
+from fmd.dynamics.system import accelerations, advance, leapfrog_step, velocities
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.table import Table
 from fmd.kernels.vectors import call_native
@@ -137,14 +136,7 @@ def _set_inputs(p: TangentParameters, t: float) -> None:
             call_native(p.variants.signals[k], (p.clock[1:], p.variants.inputs[k]))
 
 
-@leapfrog_step.register(TangentParameters)
-def _leapfrog_step(p: TangentParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
-    take_leap(p, leapfrog, t, h, q, v, a)
-
-
-@project_onto_constraints.register(TangentParameters)
-def _close_nothing(p: TangentParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
-    pass
+leapfrog_step.register(TangentParameters, take_leap)
 
 
 @advance.register(TangentParameters)

@@ -31,11 +31,10 @@ from fmd.dynamics.system import (
     advance,
     contact_forces,
     is_pressed,
-    leapfrog_step,
     may_touch,
     note_contacts,
-    project_onto_constraints,
     remember_contacts,
+    remember_found,
     set_impulses,
 )
 from fmd.kernels.kernel import inner
@@ -238,30 +237,10 @@ def _remember_contacts(p: Any, t: float, q: Array, v: Array) -> None:
     remember(p.contact, t, p.origins, p.rotations)
 
 
-@leapfrog_step.register(TouchingParameters)
-def _leapfrog_step(p: TouchingParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
-    _take_leap(p, leapfrog, t, h, q, v, a)
-
-
-@leapfrog_step.register(TouchingClosedParameters)
-def _closed_leapfrog_step(
-    p: TouchingClosedParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array
-) -> None:
-    p.whole.fresh[0] = 1.0
-    _take_leap(p, leapfrog, t, h, q, v, a)
-    project_onto_constraints(p, t + h, h, q, v, a)
-
-
-@inner
-def _take_leap(p: Any, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
-    """Take a leapfrog step whose forces are remembered."""
-    for i in range(v.size):
-        leapfrog.v_now[i] = v[i] + 0.5 * h * a[i]
-    accelerations(p, t, q, leapfrog.v_now, a)
+@remember_found.register(TouchingParameters)
+@remember_found.register(TouchingClosedParameters)
+def _remember_found(p: Any, t: float) -> None:
     remember(p.contact, t, p.origins, p.rotations)
-    for i in range(v.size):
-        v[i] += h * a[i]
-    advance(p, q, v, h, 0, v.size)
 
 
 @note_contacts.register(TouchingParameters)
