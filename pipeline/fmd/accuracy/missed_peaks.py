@@ -30,6 +30,8 @@ UNSOUGHT = {
 }
 """Warning where a march with contacts would take long again."""
 
+_FROM_START = ", from its start"
+
 
 @dataclass
 class MissedPeak:
@@ -80,11 +82,22 @@ def is_too_long(run: Pipeline) -> bool:
 def find_missed_peaks(run: Pipeline, variables_of: Callable[[Motion], Iterable[Variable]]) -> dict[str, MissedPeak]:
     """Return the largest sizes of variables of the first run's motion at output times and between them, by name.
 
-    None are looked for where only a long march with contacts would tell them, see `is_too_long`.
+    Those that were found of a run before serve again. None are looked for where only a long march with contacts would
+    tell them, see `is_too_long`.
     """
-    found: dict[str, MissedPeak] = {}
     if is_too_long(run):
-        return found
+        return {}
+    known: dict[str, MissedPeak] = run.results.setdefault("missed peaks", {})
+    wanted = {variable.name: variable.units for variable in variables_of(run.motion)} if known else {}
+    if wanted and all(name in known and known[name].unit == unit for name, unit in wanted.items()):
+        return {name: known[name] for name in wanted}
+    found = _find(run, variables_of)
+    known |= found
+    return found
+
+
+def _find(run: Pipeline, variables_of: Callable[[Motion], Iterable[Variable]]) -> dict[str, MissedPeak]:
+    found: dict[str, MissedPeak] = {}
     largest, fine = dict.fromkeys(("N", "N m", "m/s^2"), 0.0), run.fine_motion
     at_outputs = np.zeros(len(fine.times), dtype=bool)
     at_outputs[run.fine_times[1]] = True
@@ -116,13 +129,13 @@ def largest_between(run: Pipeline) -> dict[str, float]:
 
     def turned(name: str, orientation: Array) -> Variable:
         start = starts.setdefault(name, orientation[0])
-        return Variable(name, angles_between(start[None], orientation), (), "rad", "")
+        return Variable(name + _FROM_START, angles_between(start[None], orientation), (), "rad", "")
 
     def variables_of(motion: Motion) -> Iterator[Variable]:
         for variable in detail_variables(run.scene, motion):
             if is_place(variable):
                 start = starts.setdefault(variable.name, variable.values[0])
-                yield variable._replace(values=variable.values - start)
+                yield variable._replace(name=variable.name + _FROM_START, values=variable.values - start)
             elif variable.dims == ("quaternion",):
                 yield turned(variable.name, variable.values)
             else:
@@ -137,7 +150,7 @@ def largest_between(run: Pipeline) -> dict[str, float]:
             yield Variable(name_of_whole(row.name), row.values, (), row.unit, "")
         yield from (stress_variable(run, body, node, motion) for body, node in worst.items())
 
-    peaks = find_missed_peaks(run, variables_of)
+    peaks = {name.removesuffix(_FROM_START): peak for name, peak in find_missed_peaks(run, variables_of).items()}
     return {name: peak.at_outputs * (1.0 + peak.part) for name, peak in peaks.items() if peak.part < math.inf}
 
 

@@ -86,17 +86,14 @@ def _owner(variable: Variable) -> str:
 
 
 def missed_peaks(run: Pipeline) -> dict[str, MissedPeak]:
-    """Return what histories and tables of a run miss of their variables between output times, by name; found once."""
+    """Return what histories and tables of a run miss of their variables between output times, by name."""
 
     def variables_of(motion: Motion) -> Iterator[Variable]:
         for output in run.scene.output:
             if isinstance(output, Quantities):
                 yield from history_variables(run, output, motion)
 
-    key = "missed peaks"
-    found: dict[str, MissedPeak] = run.results.get(key) or find_missed_peaks(run, variables_of)
-    run.results[key] = found
-    return found
+    return find_missed_peaks(run, variables_of)
 
 
 def missed_peak_warnings(run: Pipeline) -> list[dict[str, str]]:
