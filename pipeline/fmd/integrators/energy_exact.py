@@ -28,8 +28,9 @@ from fmd.dynamics.compiled_system.touching import find_contacts, find_pressed
 from fmd.dynamics.system import accelerations, remember_contacts
 from fmd.integrators.exponential import fill_functions
 from fmd.integrators.fixed_step import FixedMarch, begin_cycle, end_cycle, runs_away, sample_within, take_steps
-from fmd.integrators.generalized_alpha import factor_tangent, no_convergence, solve_part
+from fmd.integrators.generalized_alpha import no_convergence
 from fmd.integrators.march_tables import Samples
+from fmd.integrators.newmark_steps import factor_tangent, solve_part
 from fmd.integrators.protocol import Progress, State, Trajectory, evaluate
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table, aligned

@@ -26,7 +26,8 @@ from fmd.dynamics.compiled_system.tangent_kernels import copy
 from fmd.dynamics.system import accelerations, advance, choose_constraints_anew
 from fmd.integrators.adjoint import Sums, WeightedMarch, WeightedOutput, has_next, make_room, sections_back, take_back
 from fmd.integrators.fixed_step import take_steps
-from fmd.integrators.generalized_alpha import GeneralizedAlpha, NewmarkSteps, factor_tangent, move_to_end, solve_part
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.newmark_steps import NewmarkSteps, factor_tangent, move_to_end, solve_part
 from fmd.integrators.protocol import State
 from fmd.kernels.kernel import inner, kernel
 from fmd.kernels.table import Table

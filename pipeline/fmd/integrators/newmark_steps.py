@@ -1,0 +1,271 @@
+"""Newton's iteration for the end of a step by the generalised-α method.
+
+Its unknowns are the accelerations there; its tangent comes from differences of the accelerations and is kept while it
+converges fast.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from fmd.core.arrays import Array
+from fmd.core.limits.newton import (
+    CONVERGED,
+    DAMPED_ITERATIONS,
+    LEAST_MOVED,
+    MOST_HALVED,
+    OF_GUESS,
+    POSITION_ROUND_OFF,
+    STALLED,
+    STEP_ITERATIONS,
+    VANISHED,
+)
+from fmd.core.newton import settles
+from fmd.dynamics.compiler.program import LANES
+from fmd.dynamics.system import accelerations, advance, project, remember_contacts
+from fmd.kernels.kernel import inlined, inner
+from fmd.kernels.table import Table
+
+_settles = inlined(settles)
+
+
+@dataclass(frozen=True)
+class NewmarkSteps(Table):
+    """State of a march by the generalised-α method, and room for Newton's iteration."""
+
+    h: float  # [s]
+    alpha_m: float
+    alpha_f: float
+    beta: float
+    gamma: float
+    nudge: float  # least move of positions, by which tangents are differences [rad or m]
+    finest: float  # the same where one of these hasn't helped
+    trials: int  # of finding a step's end: the first, one with shortened corrections where surfaces touch, the last
+    q: Array
+    v: Array
+    a: Array  # (2 n,): auxiliary and true accelerations
+    tangent: Array  # (n_own, n_own): factors of Newton's tangent, of the motion alone
+    marks: Array  # (2,): 1 while the tangent is valid, and the largest acceleration so far
+    counts: Array  # (2,): evaluations, and the time at which Newton's iteration failed, or NaN [s]
+    new: Array  # (n,): trial accelerations, those that the equations of motion give for them, and room for the tangent
+    found: Array
+    shifted: Array
+    base: Array
+    v_new: Array  # rates at the step's end, and those that move the positions there
+    mean: Array
+    q_new: Array  # positions at the step's end
+
+
+@inner
+def factor_tangent(A: Array) -> None:
+    """Factor a matrix into L and U in place, without pivoting: a tangent is the unit matrix and a step's change."""
+    n = A.shape[0]
+    for k in range(n):
+        for i in range(k + 1, n):
+            A[i, k] /= A[k, k]
+            for j in range(k + 1, n):
+                A[i, j] -= A[i, k] * A[k, j]
+
+
+@inner
+def _solve(A: Array, x: Array) -> None:
+    """Solve for the motion's entries of x, then for those of its tangents, which are the last ones, in lanes."""
+    solve_part(A, x, 0, 1)
+    if x.size > A.shape[0]:
+        for lane in range(LANES):
+            solve_part(A, x, x.size - LANES * A.shape[0] + lane, LANES)
+
+
+@inner
+def solve_part(A: Array, x: Array, first: int, apart: int) -> None:
+    """Solve for entries of x from the first on that are so far apart, with factors of a matrix, in place."""
+    n = A.shape[0]
+    for i in range(n):
+        for j in range(i):
+            x[first + apart * i] -= A[i, j] * x[first + apart * j]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            x[first + apart * i] -= A[i, j] * x[first + apart * j]
+        x[first + apart * i] /= A[i, i]
+
+
+@inner
+def _evaluate_end(m: NewmarkSteps, p: Any, end: float, found: Array) -> None:
+    """Evaluate the accelerations at a step's ``end`` [s] for the trial ones."""
+    n = m.v.size
+    for i in range(n):
+        ahead = ((1.0 - m.alpha_f) * m.new[i] + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
+        m.mean[i] = m.v[i] + m.h * ((0.5 - m.beta) * m.a[i] + m.beta * ahead)
+        m.v_new[i] = m.v[i] + m.h * ((1.0 - m.gamma) * m.a[i] + m.gamma * ahead)
+    for i in range(m.q.size):
+        m.q_new[i] = m.q[i]
+    advance(p, m.q_new, m.mean, m.h, 0, n)
+    accelerations(p, end, m.q_new, m.v_new, found)
+    m.counts[0] += 1
+
+
+@inner
+def find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
+    """Find the accelerations at a step's ``end`` [s] by Newton's method; false if it does not converge."""
+    n = m.v.size
+    for trial in range(m.trials):  # a loop, since calls with constants would be compiled each
+        for i in range(n):
+            m.new[i] = m.a[n + i]
+            if trial == m.trials - 1:
+                # The last accelerations, frozen over a long step, carry a stiff coordinate far out to where no tangent
+                # is of use.
+                ahead = -(m.v[i] / m.h + (0.5 - m.beta) * m.a[i]) / m.beta  # so that positions stay
+                ahead = (1.0 - m.alpha_m) * ahead + m.alpha_m * m.a[i]
+                m.new[i] = (ahead - m.alpha_f * m.a[n + i]) / (1.0 - m.alpha_f)
+        if _converges(m, p, end, trial):
+            return m.tangent.shape[0] == n or _carry_tangents(m, p, end)
+        m.marks[0] = 0.0
+    return False
+
+
+@inner
+def _renew_tangent(m: NewmarkSteps, p: Any, end: float, least: float) -> None:
+    """Factor the tangent at the trial accelerations, by differences over the least move of positions [rad or m].
+
+    ``found`` are the accelerations there.
+    """
+    n, size = m.tangent.shape[0], VANISHED
+    to_position = m.h * m.h * m.beta * (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
+    for i in range(m.v.size):
+        m.base[i] = m.found[i]
+    for i in range(n):
+        size = max(size, abs(m.found[i]), abs(m.new[i]), abs(m.a[i]), OF_GUESS * abs(m.a[m.v.size + i]))
+    for j in range(n):
+        keep = m.new[j]
+        nudge = max(1e-6 * (abs(keep) + 1e-3 * max(size, m.marks[1])), least / to_position)
+        m.new[j] = keep + nudge
+        _evaluate_end(m, p, end, m.shifted)
+        m.new[j] = keep
+        for i in range(n):
+            m.tangent[i, j] = (1.0 if i == j else 0.0) - (m.shifted[i] - m.base[i]) / nudge
+    factor_tangent(m.tangent)
+    m.marks[0] = 1.0
+    for i in range(m.v.size):
+        m.found[i] = m.base[i]
+
+
+@inner
+def _converges(m: NewmarkSteps, p: Any, end: float, trial: int) -> bool:
+    """Iterate from the trial accelerations until they converge: at first only while corrections shrink.
+
+    Between the first trial and the last corrections are shortened, each with a new tangent: whole ones go to and fro
+    across states of points that begin to slip or part.
+    Forces that balance leave an acceleration with their own round-off: a correction that no longer shrinks, or shrinks
+    to the last, is good enough if it is small beside the largest one so far, or moves positions by their round-off.
+    Beside a singular position of a loop it moves them by more, though the equations hold, and with a new tangent, too.
+    """
+    n, largest_before, peak = m.tangent.shape[0], math.inf, m.marks[1]
+    to_position = m.h * m.h * m.beta * (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
+    damped = 0 < trial < m.trials - 1
+    iterations = DAMPED_ITERATIONS if damped else STEP_ITERATIONS
+    for iteration in range(iterations):
+        _evaluate_end(m, p, end, m.found)
+        size, largest, reached = VANISHED, 0.0, 1.0
+        if damped or m.marks[0] == 0.0 or (iteration > 0 and iteration % 4 == 0):
+            _renew_tangent(m, p, end, m.nudge if trial == 0 else m.finest)
+        left = 0.0
+        for i in range(n):
+            left = max(left, abs(m.found[i] - m.new[i]))
+        _correct(m)
+        for i in range(n):
+            if not (abs(m.found[i]) <= largest or math.isnan(largest)):  # keeps a NaN, which max would lose
+                largest = abs(m.found[i])
+            # Auxiliary ones too: their round-off is in what is found, and the guess's in new.
+            size = max(size, abs(m.new[i]), abs(m.a[i]), OF_GUESS * abs(m.a[m.v.size + i]))
+        for i in range(m.q.size):
+            reached = max(reached, abs(m.q_new[i]))
+        slow = largest > STALLED * largest_before
+        moved = LEAST_MOVED if iteration > 4 and left <= CONVERGED * peak else POSITION_ROUND_OFF
+        good_enough = max(CONVERGED * peak, moved * reached / to_position)
+        last = iteration == iterations - 1  # beneath round-off it may shrink by a steady factor for long
+        if _settles(largest, 0.0 if last else largest_before, CONVERGED * size, good_enough):
+            m.marks[1] = max(peak, size)
+            _evaluate_end(m, p, end, m.found)
+            return True
+        if trial == 0 and largest > largest_before:
+            return False
+        if damped:
+            _shorten(m, p, end)
+        if slow:
+            m.marks[0] = 0.0  # too slow: a fresh tangent
+        largest_before = largest
+    return False
+
+
+@inner
+def _shorten(m: NewmarkSteps, p: Any, end: float) -> None:
+    """Halve the correction that was made, which is in ``found``, until the next one by its tangent is shorter."""
+    n, share = m.tangent.shape[0], 1.0
+    for _ in range(MOST_HALVED):
+        _evaluate_end(m, p, end, m.shifted)
+        before, after = 0.0, 0.0
+        for i in range(n):
+            m.shifted[i] -= m.new[i]
+        solve_part(m.tangent, m.shifted, 0, 1)
+        for i in range(n):
+            before += m.found[i] ** 2
+            after += m.shifted[i] ** 2
+        if math.sqrt(after) <= (1.0 - 0.25 * share) * math.sqrt(before):
+            return
+        share *= 0.5
+        for i in range(n):
+            m.new[i] -= share * m.found[i]
+
+
+@inner
+def _correct(m: NewmarkSteps) -> None:
+    """Correct the trial accelerations by those that the equations of motion give for them."""
+    for i in range(m.v.size):
+        m.found[i] -= m.new[i]
+    _solve(m.tangent, m.found)
+    for i in range(m.v.size):
+        m.new[i] += m.found[i]
+
+
+@inner
+def _carry_tangents(m: NewmarkSteps, p: Any, end: float) -> bool:
+    """Find the tangents' accelerations where the motion's have been found, until round-off is left; or return false.
+
+    Where forces balance, these are round-off: corrections that move tangents of positions by theirs are none.
+    """
+    n, before, size = m.tangent.shape[0], math.inf, VANISHED
+    to_position = m.h * m.h * m.beta * (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
+    for _ in range(STEP_ITERATIONS):
+        for i in range(n):
+            m.base[i] = m.new[i]
+        _correct(m)
+        largest, reached = 0.0, 0.0
+        for i in range(n):
+            m.new[i] = m.base[i]
+        for i in range(m.q.size - LANES * n, m.q.size):
+            reached = max(reached, abs(m.q_new[i]))
+        for i in range(n, m.v.size):
+            largest = max(largest, abs(m.found[i]))
+            size = max(size, abs(m.new[i]))
+        _evaluate_end(m, p, end, m.found)
+        little = max(OF_GUESS * CONVERGED * size, POSITION_ROUND_OFF * reached / to_position)
+        if largest <= little or (largest <= CONVERGED * size and largest > STALLED * before):
+            return True
+        if largest > STALLED * before:
+            _renew_tangent(m, p, end, m.nudge)
+        before = largest
+    return False
+
+
+@inner
+def move_to_end(m: NewmarkSteps, p: Any, end: float) -> None:
+    """Move the state to a step's ``end`` [s], which has been found."""
+    n = m.v.size
+    for i in range(n):
+        m.a[i] = ((1.0 - m.alpha_f) * m.new[i] + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
+        m.a[n + i] = m.new[i]
+        m.v[i] = m.v_new[i]
+    for i in range(m.q.size):
+        m.q[i] = m.q_new[i]
+    project(p, end, m.q, m.v)
+    remember_contacts(p, end, m.q, m.v)
