@@ -63,12 +63,10 @@ class ModelErrors:
         self.missing: dict[str, str] = {}  # the reason for each quantity whose error one of these counts in
         self._by_shift: dict[str, float] = {}
 
-    def estimate_left_out(self) -> None:
-        """Estimate large deflection, and the causes that take a march each.
-
-        These are shifted vibrations, stiffening, attachment and damping.
-        """
-        causes: tuple[tuple[str, Callable[[], dict[str, float] | None], str], ...] = (
+    @property
+    def _causes_of_marches(self) -> tuple[tuple[str, Callable[[], dict[str, float] | None], str], ...]:
+        """Names, estimates and texts of the causes that take a march each."""
+        return (
             (
                 "stiffening left off",
                 self._stiffening,
@@ -102,7 +100,13 @@ class ModelErrors:
                 "as of bare metal, results would change so much; modes.damping of the body takes it in",
             ),
         )
-        for cause, estimate, text in causes:
+
+    def estimate_left_out(self) -> None:
+        """Estimate large deflection, and the causes that take a march each.
+
+        These are shifted vibrations, stiffening, attachment and damping.
+        """
+        for cause, estimate, text in self._causes_of_marches:
             counted = cause != "no damping"  # a scene may mean it so
             try:
                 with self._comparison.limit.ends_searches():

@@ -79,10 +79,27 @@ from fmd.integrators.step_control import (
     step_factor,
     step_within,
 )
-from fmd.kernels.kernel import kernel
+from fmd.kernels.kernel import inlined, kernel
 from fmd.kernels.table import Table, aligned
 
 _JITTER = TIME_JITTER * np.finfo(float).eps
+
+
+@inlined
+def _sample_within(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float, reached: float, n_looks: int) -> int:
+    """Take the samples in a step, and return the number of the next look at contacts."""
+    times, cursor, look = s.times, s.cursor, 1
+    while cursor[0] < times.size and times[cursor[0]] <= reached:
+        k = cursor[0]
+        look = look_at_contacts(m, p, s, t, h, look, n_looks, times[k])
+        if times[k] < reached:
+            sample_step(m, p, s, times[k] - t, h)
+        for i in range(s.out.size):  # at the end the state itself, which a polynomial meets but for round-off
+            s.out[i] = s.out[i] if times[k] < reached else s.new[i]
+        set_state(p, times[k], s.out, s.sample_q[k], s.sample_v[k])
+        note_sample(p, s, k)
+        cursor[0] += 1
+    return look
 
 
 @kernel
@@ -139,17 +156,7 @@ def march_steps(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> 
         n_looks = count_looks(p, s, reached, h, pressed)
         if n_looks > 1 or (cursor[0] < times.size and times[cursor[0]] <= reached):
             prepare_samples(m, p, s, t, h)
-        look = 1
-        while cursor[0] < times.size and times[cursor[0]] <= reached:
-            k = cursor[0]
-            look = look_at_contacts(m, p, s, t, h, look, n_looks, times[k])
-            if times[k] < reached:
-                sample_step(m, p, s, times[k] - t, h)
-            for i in range(s.out.size):  # at the end the state itself, which a polynomial meets but for round-off
-                s.out[i] = s.out[i] if times[k] < reached else s.new[i]
-            set_state(p, times[k], s.out, s.sample_q[k], s.sample_v[k])
-            note_sample(p, s, k)
-            cursor[0] += 1
+        look = _sample_within(m, p, s, t, h, reached, n_looks)
         look_at_contacts(m, p, s, t, h, look, n_looks, reached)
         set_state(p, reached, s.new, s.q, s.v)
         remember_end(p, s, reached, h)

@@ -98,15 +98,19 @@ def solve_balanced(
     worst = int(residual.argmax())
     if not residual[worst] < STATIC_RESIDUAL:
         defect = balance(rounded_defect(K, u[:, [worst]]))
-        rounded = (_energy_norm(defect, inverse(defect)) / size[worst]).item()
-        if rounded > 1.0:
-            raise _lost(worst)
-        if not residual[worst] < min(OF_ROUND_OFF * rounded, ROUNDED_STATIC_RESIDUAL):
-            raise AccuracyError(
-                f"static response {worst}: residual {residual[worst]:.1e} exceeds {STATIC_RESIDUAL:.0e}"
-                + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if rounded > 0.1 * ROUNDED_STATIC_RESIDUAL else "")
-            )
+        _require_round_off(worst, residual[worst], (_energy_norm(defect, inverse(defect)) / size[worst]).item())
     return u
+
+
+def _require_round_off(number: int, residual: float, rounded: float) -> None:
+    """Raise ``AccuracyError`` unless a load's residual is explained by that of round-off alone."""
+    if rounded > 1.0:
+        raise _lost(number)
+    if not residual < min(OF_ROUND_OFF * rounded, ROUNDED_STATIC_RESIDUAL):
+        raise AccuracyError(
+            f"static response {number}: residual {residual:.1e} exceeds {STATIC_RESIDUAL:.0e}"
+            + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if rounded > 0.1 * ROUNDED_STATIC_RESIDUAL else "")
+        )
 
 
 def held_stiffness(K: Any, R: Array) -> Any:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.errors import InputError
-from fmd.core.limits.contact import CHOSEN_STEP, HALVED_STEPS, LARGEST_STEP, LOOKED_AT, LOST_ENERGY, SHOCK_STEPS
+from fmd.core.limits.contact import CHOSEN_STEP, HALVED_STEPS, LARGEST_STEP, LINEAR_TIMES, LOST_ENERGY, SHOCK_STEPS
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiled_system.shared import make_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -101,7 +101,7 @@ def require_linear_rest(scene: Scene, k: int, system: CompiledSystem) -> None:
     q, v = rng.standard_normal((2, plain.n))
     pulled = np.linalg.solve(M, stiffness_under_loads(plain) @ q)
     (found, rest), unlinear = np.zeros((2, plain.n)), False
-    for t in scene.simulation.duration * rng.random(LOOKED_AT):
+    for t in scene.simulation.duration * rng.random(LINEAR_TIMES):
         evaluate(plain.parameters, t, q, v, found)
         evaluate(plain.parameters, t, 0.0 * q, 0.0 * v, rest)
         largest = np.abs(rest - pulled).max(initial=1.0)

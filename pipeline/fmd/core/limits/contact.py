@@ -33,7 +33,7 @@ HALVED_STEPS = 4  # times that a step left to the program is halved where contac
 CYCLES_ABOVE = 4.0  # of sub-cycling: with gaps that frames don't close in as many, nothing touches in the next one
 STEPS_ABOVE = 4.0  # steps for which a body's points stay above a plane, from which on they aren't placed
 
-LOOKED_AT = 8  # times at which all but contact has to be linear where steps keep its energy
+LINEAR_TIMES = 8  # times at which all but contact has to be linear where steps keep its energy
 EXACT_ROUNDS = 60  # of Newton's method for the forces over a step that keep the energy
 EXACTLY_KEPT = 1e-11  # of the energy: what such a step may make or lose by round-off of places
 FORCES_KNOWN = 1e-6  # of these forces: a change that no longer shrinks is their round-off, about a turn of the way

@@ -2,7 +2,7 @@
 
 # Mass.
 NO_MASS_LEFT = 1e-12  # of the largest singular value of a frame's scaled inertia: less is a motion without inertia
-LOOKED_AT = 20  # output times with the largest deflections
+DEFLECTED_TIMES = 20  # output times with the largest deflections
 LOST_INERTIA = 0.05  # of an inertia, where a march ends because it vanishes
 NO_INERTIA = 1e-14  # of the other coordinates', for each of them: round-off of the mass matrix
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InertiaError, StabilityError
-from fmd.core.limits.mechanism import LOOKED_AT, LOST_INERTIA
+from fmd.core.limits.mechanism import DEFLECTED_TIMES, LOST_INERTIA
 
 if TYPE_CHECKING:
     from fmd.dynamics.compiled_system.reference_state import ReferenceState
@@ -59,7 +59,7 @@ def require_positive_over(system: ReferenceState, times: Array, q: Array) -> Non
     modes = np.concatenate([mechanism.modal_positions_of(k) for k in stiffened])
     omega = np.concatenate([mechanism.links[k].omega for k in stiffened])
     energies = ((q[:, modes] * omega) ** 2).sum(axis=1)
-    chosen = np.argsort(energies)[-LOOKED_AT:]
+    chosen = np.argsort(energies)[-DEFLECTED_TIMES:]
     with suppress(np.linalg.LinAlgError):
         if (_kept_inertia(system, q[chosen]) > 0.0).all():
             return

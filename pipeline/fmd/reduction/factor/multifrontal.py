@@ -137,6 +137,16 @@ def widest_columns(fronts: Sequence[Front]) -> int:
     return max(front.width * (front.width + len(front.below)) for front in fronts)
 
 
+def _require_regular(shares: Array) -> None:
+    """Raise ``AccuracyError`` if the smallest pivot, as a share of the matrix's diagonal, is round-off."""
+    worst = int(shares.argmin())
+    if not shares[worst] > SINGULAR:
+        raise AccuracyError(
+            f"the shifted stiffness is singular to round-off: pivot {worst + 1} of its factor is {shares[worst]:.1e} "
+            f"of its diagonal, which has to be above {SINGULAR:.0e}, {THIN}"
+        )
+
+
 def factorise_fronts(
     A: sp.csr_array, order: IntArray, fronts: Sequence[Front], stack: tuple[list[int], int]
 ) -> Callable[[Array], Array]:
@@ -185,13 +195,7 @@ def factorise_fronts(
             for child in front.children:
                 _extend_rest(fronts[child].below, rest(child), local, places, front.width, U)
         pack_front(D, B, L, ends[k])
-    shares = pivots**2 / diagonal
-    worst = int(shares.argmin())
-    if not shares[worst] > SINGULAR:
-        raise AccuracyError(
-            f"the shifted stiffness is singular to round-off: pivot {worst + 1} of its factor is {shares[worst]:.1e} "
-            f"of its diagonal, which has to be above {SINGULAR:.0e}, {THIN}"
-        )
+    _require_regular(pivots**2 / diagonal)
     below = np.cumsum([0, *(len(front.below) for front in fronts)])
     rows = np.concatenate([front.below for front in fronts])
     plan = (np.array([front.first for front in fronts]), np.array([front.width for front in fronts]), below, rows, ends)
