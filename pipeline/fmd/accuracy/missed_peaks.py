@@ -11,7 +11,7 @@ import numpy as np
 
 from fmd.accuracy.details import detail_variables, is_place, round_off_sizes
 from fmd.accuracy.error_estimates import OrientationQuantity, angles_between
-from fmd.accuracy.quantities import element_stresses, motion_quantities, name_of_whole
+from fmd.accuracy.quantities import element_stresses, modal_coordinates, motion_quantities, name_of_whole
 from fmd.accuracy.requested_stress import EXTREMES, RequestedStress
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.limits.recovery import MISSED_PEAK
@@ -145,8 +145,8 @@ def largest_between(run: Pipeline) -> dict[str, float]:
                 yield turned(name, row.values)
             else:
                 yield Variable(name, row.values, (), row.unit, "")
-        q = {name: motion.modal(name) for name in run.parts}
-        for row in (*element_stresses(run, motion), *requested.of_places(run, q)):
+        q = modal_coordinates(run, motion)
+        for row in (*element_stresses(run, q), *requested.of_places(run, q)):
             yield Variable(name_of_whole(row.name), row.values, (), row.unit, "")
         yield from (stress_variable(run, body, node, motion) for body, node in worst.items())
 

@@ -10,11 +10,9 @@ from fmd.accuracy.error_estimates import Quantity
 from fmd.core.arrays import Array
 from fmd.fem.layered import Layered
 from fmd.recovery.plies import FAILURE_INDICES, StressOfPlies, extremes_of_laminates, modal_ply_stress
-from fmd.scene.stress_outputs import Plies
 
 if TYPE_CHECKING:
     from fmd.accuracy.quantities import Quantities
-    from fmd.scene.scene import Scene
     from fmd.stages.part import FlexiblePart
 
 _IN_PLANE = ("11", "22", "12")
@@ -27,11 +25,6 @@ ACROSS = "it is largest in a layer along edges as wide as the shell is thick, wh
 def ply_row(body: str, name: str) -> str:
     """Return the name of the budget's row of a component's extreme, as ``11 max``, or of a failure index."""
     return f"{body}.plies.{name.removesuffix(' max').removesuffix(' min')}"
-
-
-def plied_bodies(scene: Scene) -> list[str]:
-    """Return the bodies whose plies' stress files hold."""
-    return list(dict.fromkeys(output.body for output in scene.output if isinstance(output, Plies)))
 
 
 def has_plies(part: FlexiblePart) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -91,6 +91,12 @@ def _above_round_off(energy: Array, energies: tuple[Array, Array]) -> Array:
     return energy if np.abs(energy).max() > EXACT * largest else np.zeros_like(energy)
 
 
+def modal_coordinates(run: Pipeline, motion: Motion, as_if: Mapping[str, Array] | None = None) -> dict[str, Array]:
+    """Return each body's modal coordinates over a motion, (n_times, n), or what ``as_if`` (n, n) leads to from them."""
+    q = {name: motion.modal(name) for name in run.parts}
+    return q if as_if is None else {name: values @ as_if[name].T for name, values in q.items()}
+
+
 def stress_quantities(
     run: Pipeline,
     motion: Motion,
@@ -105,30 +111,31 @@ def stress_quantities(
     all by default. ``places`` are the middles of named elements (n_elements, 3) [m] if they aren't in this run's mesh,
     and ``as_if`` (n, n) leads from modal coordinates to those that the body's stress is made of.
     """
-    found = []
+    found, q = [], modal_coordinates(run, motion, as_if)
     for name, part in run.parts.items():
         if not part.has_stress:
             continue
         chosen = slice(None) if nodes is None else nodes[name]
-        q = motion.modal(name) if as_if is None else motion.modal(name) @ as_if[name].T
         nodes_of, limitless = part.surface.nodes[chosen], run.limitless_of(name)[chosen]
-        history = StressHistory(nodes_of, part.surface_stress[chosen], motion.times, q, limitless)
+        history = StressHistory(nodes_of, part.surface_stress[chosen], motion.times, q[name], limitless)
         worst = history.limited_von_mises(frames).max(axis=1)
         found.append(Quantity(f"{name}, largest von Mises stress", "Pa", worst, largest=True, kind="stress"))
-    return _by_name([*found, *element_stresses(run, motion, places, as_if)])
+    return _by_name([*found, *element_stresses(run, q, places)])
 
 
 def element_stresses(
-    run: Pipeline, motion: Motion, places: dict[str, Array] | None = None, as_if: dict[str, Array] | None = None
+    run: Pipeline, q: Mapping[str, Array], places: dict[str, Array] | None = None
 ) -> Iterator[Quantity]:
-    """Yield the von Mises stress in the middle of each named element, over time and its largest, as above."""
+    """Yield the von Mises stress in the middle of each named element by modal coordinates, over time and its largest.
+
+    ``places`` are as of `stress_quantities`.
+    """
     for name, part in run.parts.items():
         if not (part.has_stress and part.elements):
             continue
-        q = motion.modal(name) if as_if is None else motion.modal(name) @ as_if[name].T
         modal = part.element_stress if places is None else part.stress_at(places[name])
         for element, stress in zip(part.elements, modal, strict=True):
-            values = von_mises((stress @ q.T)[None])[0]
+            values = von_mises((stress @ q[name].T)[None])[0]
             label = f"{name}.{element}, von Mises stress"
             yield Quantity(label, "Pa", values, kind="spot stress")
             yield Quantity(f"{label}, largest", "Pa", values, largest=True, kind="spot stress")

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.accuracy.error_estimates import Quantity
-from fmd.accuracy.ply_stress import has_plies, plied_bodies, ply_quantities
+from fmd.accuracy.ply_stress import has_plies, ply_quantities
+from fmd.accuracy.quantities import modal_coordinates
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.recovery.envelope import stress_envelope
@@ -17,7 +18,7 @@ from fmd.recovery.plies import StressOfPlies, modal_ply_stress
 from fmd.recovery.stress import StressHistory, modal_stress, point_stress, smooth_stress, stress_measure
 from fmd.scene import histories
 from fmd.scene.outputs import Chart
-from fmd.scene.stress_outputs import Envelope
+from fmd.scene.stress_outputs import Envelope, Plies
 
 if TYPE_CHECKING:
     from fmd.accuracy.quantities import Quantities
@@ -104,8 +105,10 @@ class RequestedStress:
         for names, components, at_node in _requests(run.scene):
             places = stress_at_nodes(run, names) if at_node else stress_at_elements(run, names)
             self._places |= {(name, each): place for name, place in places.items() for each in components}
-        self._bodies = [name for name in enveloped_bodies(run.scene) if name in run.parts]
-        self._plied = [name for name in plied_bodies(run.scene) if name in run.parts and has_plies(run.parts[name])]
+        self._bodies = [name for name in _bodies_of(run.scene, Envelope) if name in run.parts]
+        self._plied = [
+            name for name in _bodies_of(run.scene, Plies) if name in run.parts and has_plies(run.parts[name])
+        ]
 
     def quantities(
         self, run: Pipeline, motion: Motion, frames: IntArray, as_if: Mapping[str, Array] | None = None
@@ -115,9 +118,7 @@ class RequestedStress:
         All nodes are searched for the largest and smallest at the output times of numbers ``frames``; ``as_if`` takes
         each body's modal coordinates to those that its stress is made of, (n, n).
         """
-        q = {name: motion.modal(name) for name in run.parts}
-        if as_if is not None:
-            q = {name: values @ as_if[name].T for name, values in q.items()}
+        q = modal_coordinates(run, motion, as_if)
         found: Quantities = {each.name: each for each in self.of_places(run, q)}
         for name in self._bodies:
             free = ~run.limitless_of(name)
@@ -154,16 +155,16 @@ class RequestedStress:
 def request_key(scene: Scene) -> dict[str, list[str]]:
     """Return what a budget depends on beside the scene's results: the stress that files hold; empty without any."""
     asked = [f"{[*names]} {[*components]} {at_node}" for names, components, at_node in _requests(scene)]
-    asked += enveloped_bodies(scene)
-    for body in plied_bodies(scene):
+    asked += _bodies_of(scene, Envelope)
+    for body in _bodies_of(scene, Plies):
         lamina = getattr(scene.flexible[body], "lamina", {})
         asked.append(f"plies of {body} {[(name, own.strength) for name, own in lamina.items()]}")
     return {"stress in files": asked} if asked else {}
 
 
-def enveloped_bodies(scene: Scene) -> list[str]:
-    """Return the bodies that an envelope is asked of."""
-    return list(dict.fromkeys(output.body for output in scene.output if isinstance(output, Envelope)))
+def _bodies_of(scene: Scene, kind: type[Envelope | Plies]) -> list[str]:
+    """Return the bodies that outputs of a kind are of."""
+    return list(dict.fromkeys(output.body for output in scene.output if isinstance(output, kind)))
 
 
 def _requests(scene: Scene) -> Iterator[tuple[Sequence[str], Sequence[str], bool]]:
