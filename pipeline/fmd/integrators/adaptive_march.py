@@ -16,6 +16,7 @@ from fmd.dynamics.system import advance, project
 from fmd.integrators.step_control import keep_largest
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.table import Table
+from fmd.kernels.vectors import clear, copy
 
 
 @inner
@@ -25,11 +26,9 @@ def set_trial(s: AdaptiveMarch) -> None:
     A group that hardly moves counts for a small part of the largest of its kind: else a far link's first nanometres
     would have to be as exact, beside themselves, as the motion of those that drive it.
     """
-    for k in range(s.largest.size):
-        s.trial[k] = s.largest[k]
+    copy(s.largest, s.trial)
     keep_largest(s.groups, s.trial, s.new)
-    for k in range(s.most.size):
-        s.most[k] = 0.0
+    clear(s.most)
     for k in range(s.kinds.size):
         s.most[s.kinds[k]] = max(s.most[s.kinds[k]], s.trial[k])
     for k in range(s.kinds.size):
@@ -118,8 +117,7 @@ def end_step(m: Any, p: Any, s: AdaptiveMarch) -> None:
 @inner
 def set_state(p: Any, t: float, both: Array, q: Array, v: Array) -> None:
     """Set positions, whose quaternions become unit ones, and rates; loops close."""
-    for i in range(q.size):
-        q[i] = both[i]
+    copy(both, q)
     for i in range(v.size):
         v[i] = both[q.size + i]
     advance(p, q, v, 0.0, 0, v.size)

@@ -25,7 +25,7 @@ from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import State
 from fmd.kernels.kernel import contracted, inlined
 from fmd.kernels.table import Table, aligned
-from fmd.kernels.vectors import fill_vector, read_vector, write_vector
+from fmd.kernels.vectors import copy, fill_vector, read_vector, write_vector
 
 DEGREES = {"frozen": 0, "carried": 2}
 """Largest degree of the polynomial by which forces go on, by the name of the scheme."""
@@ -110,8 +110,7 @@ def _begin_cycle(m: CarriedSteps, p: Any, nothing: Any, first: int, sampled: boo
         if t - H < m.breakpoints[k] <= t:
             m.memory[2 * n] = 0.0
     if sampled:
-        for i in range(m.q.size):
-            m.q_begin[i] = m.q[i]
+        copy(m.q, m.q_begin)
         for i in range(n):
             m.v_begin[i] = m.v[i]
     _cross(m, m.maps[min(m.degree, int(m.memory[2 * n]))], n, offset)
@@ -224,8 +223,7 @@ def _follow(m: CarriedSteps, done: int) -> None:
     """Follow the coordinates from the cycle's begin to a step: positions before it, rates after it."""
     n, h, steps, offset = m.v.size, m.h, m.substeps, m.q.size - m.v.size
     degree = min(m.degree, int(m.memory[2 * n]))
-    for i in range(m.q.size):
-        m.q_now[i] = m.q_begin[i]
+    copy(m.q_begin, m.q_now)
     for i in range(m.n_slow):
         m.v_now[i], m.a_now[i] = m.v[i], m.a[i]
     for i in range(m.n_slow, n):
@@ -242,8 +240,7 @@ def _follow(m: CarriedSteps, done: int) -> None:
 @sample_within.register(CarriedSteps)
 def _sample_within(m: CarriedSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     H = m.substeps * m.h
-    for i in range(q.size):
-        q[i] = m.q_now[i]
+    copy(m.q_now, q)
     for i in range(v.size):  # Taylor's polynomial, which the next step continues
         step, ahead = (H, s + done * m.h) if i < m.n_slow else (m.h, s)
         v[i] = m.v_now[i] - 0.5 * (step - ahead) * m.a_now[i]

@@ -27,6 +27,7 @@ from fmd.integrators.lanes import arrange_lanes, make_lanes, march_lanes
 from fmd.integrators.march_tables import make_starts
 from fmd.integrators.protocol import Integrator, State, Trajectory, require_step, start_state
 from fmd.kernels.table import aligned
+from fmd.kernels.vectors import copy
 
 
 @dataclass(frozen=True)
@@ -127,8 +128,7 @@ class LeapfrogSteps(SingleSteps):
 @take_steps.register(LeapfrogSteps)
 def _take_steps(m: LeapfrogSteps, p: Any, leapfrog: Any, first: int, done: int, count: int, sampled: bool) -> int:
     if sampled:
-        for i in range(m.q.size):
-            m.q_now[i] = m.q[i]
+        copy(m.q, m.q_now)
     h, q, v, a = m.h, m.q, m.v, m.a
     for k in range(count):
         leapfrog_step(p, leapfrog, (first + done + k) * h, h, q, v, a)
@@ -142,6 +142,5 @@ def _sample_within(m: LeapfrogSteps, p: Any, done: int, s: float, q: Array, v: A
     for i in range(v.size):  # Taylor's polynomial, which the next step continues
         m.v_now[i] = m.v[i] - 0.5 * m.h * m.a[i] + 0.5 * s * m.a[i]
         v[i] = m.v_now[i] + 0.5 * s * m.a[i]
-    for i in range(q.size):
-        q[i] = m.q_now[i]
+    copy(m.q_now, q)
     advance(p, q, m.v_now, s, 0, v.size)

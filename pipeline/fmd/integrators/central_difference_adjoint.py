@@ -23,6 +23,7 @@ from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import State
 from fmd.kernels.kernel import inlined, kernel
 from fmd.kernels.table import Table
+from fmd.kernels.vectors import clear
 
 
 @dataclass(frozen=True)
@@ -50,8 +51,7 @@ def _take_back(p: Any, s: StepsBack, output: _Output, first: int, count: int) ->
     """Take the kept steps back."""
     for back in range(count):
         k = count - 1 - back
-        for i in range(s.dq.size):
-            output.sum_q[i] = 0.0
+        clear(output.sum_q)
         while has_next(output.of, first + k):
             output.of.left[0] -= 1
             _add_output(p, s, output, output.of.left[0], k)

@@ -8,6 +8,7 @@ from fmd.dynamics.system import accelerations, advance, fast_steps, freeze_slow,
 from fmd.integrators.fixed_step import begin_cycle, end_cycle, runs_away, sample_within, take_steps
 from fmd.integrators.march_tables import Samples
 from fmd.kernels.table import Table
+from fmd.kernels.vectors import copy
 
 
 @dataclass(frozen=True)
@@ -63,8 +64,7 @@ def _take_steps(m: CyclesWithTangents, p: Any, frozen: Any, first: int, done: in
 @sample_within.register(CyclesWithTangents)
 def _sample_within(m: CyclesWithTangents, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     s_slow, H = s + done * m.h, m.substeps * m.h
-    for i in range(q.size):
-        q[i] = m.q_now[i]
+    copy(m.q_now, q)
     for i in range(v.size):  # Taylor's polynomial, which the next step continues
         step, ahead = (H, s_slow) if m.place[i] < 0 else (m.h, s)
         rate = m.v[i] - 0.5 * step * m.a[i] + 0.5 * ahead * m.a[i]

@@ -32,6 +32,7 @@ from fmd.integrators.protocol import (
 )
 from fmd.integrators.work_bounds import round_down
 from fmd.kernels.table import aligned
+from fmd.kernels.vectors import copy
 
 
 @dataclass(frozen=True)
@@ -147,8 +148,7 @@ def _sample_within(m: NewmarkSteps, p: Any, done: int, s: float, q: Array, v: Ar
     for i in range(n):
         v[i] = m.v[i] + s * (m.a[n + i] + 0.5 * x * (m.new[i] - m.a[n + i]))
         m.mean[i] = m.v[i] + s * (0.5 * m.a[n + i] + x * (m.new[i] - m.a[n + i]) / 6.0)
-    for i in range(q.size):
-        q[i] = m.q[i]
+    copy(m.q, q)
     advance(p, q, m.mean, s, 0, n)
 
 

@@ -22,7 +22,6 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
     advance_back,
     project_back,
 )
-from fmd.dynamics.compiled_system.tangent_kernels import copy
 from fmd.dynamics.system import accelerations, advance, choose_constraints_anew
 from fmd.integrators.adjoint import Sums, WeightedMarch, WeightedOutput, has_next, make_room, sections_back, take_back
 from fmd.integrators.fixed_step import take_steps
@@ -31,6 +30,7 @@ from fmd.integrators.newmark_steps import NewmarkSteps, factor_tangent, move_to_
 from fmd.integrators.protocol import State
 from fmd.kernels.kernel import inner, kernel
 from fmd.kernels.table import Table
+from fmd.kernels.vectors import clear, copy
 
 
 @dataclass(frozen=True)
@@ -190,8 +190,7 @@ def _take_steps_back(b: _NewmarkBack, p: Any, s: StepsBack, first: int, count: i
     for back in range(count):
         k = count - 1 - back
         t = (first + k) * b.h + b.h
-        for i in range(b.of_q.size):
-            b.of_q[i] = 0.0
+        clear(b.of_q)
         for i in range(n):
             b.of_new[i], b.of_v[i], b.of_a[i] = b.da[n + i], 0.0, 0.0
         while has_next(b.output, first + k):

@@ -25,6 +25,7 @@ from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, project, remember_contacts
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.table import Table
+from fmd.kernels.vectors import copy
 
 _settles = inlined(settles)
 
@@ -97,8 +98,7 @@ def _evaluate_end(m: NewmarkSteps, p: Any, end: float, found: Array) -> None:
         ahead = ((1.0 - m.alpha_f) * m.new[i] + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
         m.mean[i] = m.v[i] + m.h * ((0.5 - m.beta) * m.a[i] + m.beta * ahead)
         m.v_new[i] = m.v[i] + m.h * ((1.0 - m.gamma) * m.a[i] + m.gamma * ahead)
-    for i in range(m.q.size):
-        m.q_new[i] = m.q[i]
+    copy(m.q, m.q_new)
     advance(p, m.q_new, m.mean, m.h, 0, n)
     accelerations(p, end, m.q_new, m.v_new, found)
     m.counts[0] += 1
@@ -131,8 +131,7 @@ def _renew_tangent(m: NewmarkSteps, p: Any, end: float, least: float) -> None:
     """
     n, size = m.tangent.shape[0], VANISHED
     to_position = m.h * m.h * m.beta * (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
-    for i in range(m.v.size):
-        m.base[i] = m.found[i]
+    copy(m.found, m.base)
     for i in range(n):
         size = max(size, abs(m.found[i]), abs(m.new[i]), abs(m.a[i]), OF_GUESS * abs(m.a[m.v.size + i]))
     for j in range(n):
@@ -145,8 +144,7 @@ def _renew_tangent(m: NewmarkSteps, p: Any, end: float, least: float) -> None:
             m.tangent[i, j] = (1.0 if i == j else 0.0) - (m.shifted[i] - m.base[i]) / nudge
     factor_tangent(m.tangent)
     m.marks[0] = 1.0
-    for i in range(m.v.size):
-        m.found[i] = m.base[i]
+    copy(m.base, m.found)
 
 
 @inner
@@ -265,7 +263,6 @@ def move_to_end(m: NewmarkSteps, p: Any, end: float) -> None:
         m.a[i] = ((1.0 - m.alpha_f) * m.new[i] + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
         m.a[n + i] = m.new[i]
         m.v[i] = m.v_new[i]
-    for i in range(m.q.size):
-        m.q[i] = m.q_new[i]
+    copy(m.q_new, m.q)
     project(p, end, m.q, m.v)
     remember_contacts(p, end, m.q, m.v)

@@ -40,7 +40,7 @@ from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import State, Trajectory, require_ratio, start_state
 from fmd.kernels.kernel import unrolled
 from fmd.kernels.table import Table, aligned
-from fmd.kernels.vectors import call_native, fill_vector, read_vector, write_vector
+from fmd.kernels.vectors import call_native, copy, fill_vector, read_vector, write_vector
 
 
 @dataclass(frozen=True)
@@ -146,8 +146,7 @@ class _FrozenSteps(Table):
 def _begin_cycle(m: _FrozenSteps, p: Any, responses: Any, first: int, sampled: bool) -> None:
     """Freeze the equations in the middle."""
     n, H, offset = m.v.size, m.substeps * m.h, m.q.size - m.v.size
-    for i in range(m.q.size):
-        m.q_now[i] = m.q[i]
+    copy(m.q, m.q_now)
     for i in range(n):
         m.v_now[i] = 2.0 * m.memory[i] - m.memory[n + i]
     advance(p, m.q_now, m.v_now, 0.5 * H, 0, n)
@@ -244,8 +243,7 @@ def _step(m: _FrozenSteps) -> None:
 
 @sample_within.register(_FrozenSteps)
 def _sample_within(m: _FrozenSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
-    for i in range(q.size):
-        q[i] = m.q[i]
+    copy(m.q, q)
     for i in range(v.size):  # Taylor's polynomial, which the next step continues
         v[i] = m.v_now[i] + s * m.last[i]
         m.a_now[i] = m.shift[i] + s * (m.v_now[i] + 0.5 * s * m.last[i])

@@ -37,6 +37,7 @@ from fmd.integrators.protocol import Integrator
 from fmd.integrators.step_control import just_after, just_before, scaled_error
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table, aligned
+from fmd.kernels.vectors import clear
 
 
 @dataclass(frozen=True)
@@ -171,8 +172,7 @@ def _taylor_flow(A: Array, tau: float, w: Array, c: Array, rate: Array, new: Arr
 @inner
 def _flow_to(m: _RosenbrockSteps, half: float, ahead: float) -> None:
     """Advance w from 0 by any time below twice ``half``: by the levels' times, and the rest by Taylor's series."""
-    for i in range(m.w.size):
-        m.w[i] = 0.0
+    clear(m.w)
     tau, left = half, ahead
     for level in range(m.top[0], -1, -1):
         if left >= tau:
@@ -185,8 +185,7 @@ def _flow_to(m: _RosenbrockSteps, half: float, ahead: float) -> None:
 @inner
 def _flow_over(m: _RosenbrockSteps, phi: Array, half: float, w: Array) -> None:
     """Advance w from 0 at the begin of a step to its end."""
-    for i in range(w.size):
-        w[i] = 0.0
+    clear(w)
     _flow(phi, half, w, m.c, m.room)
     _flow(phi, half, w, m.c, m.room)
 

@@ -38,6 +38,7 @@ from fmd.integrators.runge_kutta import RungeKutta
 from fmd.integrators.step_control import just_after, just_before
 from fmd.kernels.kernel import inner, kernel
 from fmd.kernels.table import Table
+from fmd.kernels.vectors import copy
 
 _STAGES, _OF_END = 16, 12  # slopes, also those of the dense output; the last stage of a step is at its end
 
@@ -102,8 +103,7 @@ def _time(r: _StagesBack, k: int, stage: int) -> float:
 def _settle_back(r: _StagesBack, p: Any, s: StepsBack, t: float) -> None:
     """Take derivatives ``dq`` and ``dv`` by a settled state back to those by ``state``, as it was before."""
     n_positions = r.q.size
-    for i in range(n_positions):
-        r.q[i] = r.state[i]
+    copy(r.state, r.q)
     for i in range(r.v.size):
         r.v[i], r.none[i] = r.state[n_positions + i], 0.0
     advance(p, r.q, r.v, 0.0, 0, r.v.size)

@@ -42,6 +42,7 @@ from fmd.integrators.fixed_step import (
 from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import Integrator, Progress, State, Trajectory, require_ratio, start_state
 from fmd.kernels.table import Table, aligned
+from fmd.kernels.vectors import copy
 
 
 @dataclass(frozen=True)
@@ -252,8 +253,7 @@ def _take_steps(m: FrozenSteps, p: Any, frozen: Any, first: int, done: int, coun
 @sample_within.register(FrozenSteps)
 def _sample_within(m: FrozenSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     s_slow, H = s + done * m.h, m.substeps * m.h
-    for i in range(q.size):
-        q[i] = m.q_now[i]
+    copy(m.q_now, q)
     for i in range(v.size):  # Taylor's polynomial, which the next step continues
         step, ahead = (H, s_slow) if i < m.n_slow else (m.h, s)
         m.v_now[i] = m.v[i] - 0.5 * step * m.a[i] + 0.5 * ahead * m.a[i]

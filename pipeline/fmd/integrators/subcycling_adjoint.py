@@ -23,7 +23,7 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
 )
 from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import CompiledParameters, FrozenCycle
-from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, copy, take_state
+from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, take_state
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, fast_steps, freeze_slow, velocities
 from fmd.integrators.adjoint import (
@@ -41,7 +41,7 @@ from fmd.integrators.protocol import State
 from fmd.integrators.subcycling import Subcycling
 from fmd.kernels.kernel import inlined, inner, kernel
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import call_native
+from fmd.kernels.vectors import call_native, copy
 
 
 @dataclass(frozen=True)

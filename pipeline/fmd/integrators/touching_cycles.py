@@ -19,6 +19,7 @@ from fmd.integrators.fixed_step import begin_cycle, end_cycle, runs_away, sample
 from fmd.integrators.march_tables import Samples
 from fmd.kernels.kernel import inlined
 from fmd.kernels.table import Table
+from fmd.kernels.vectors import copy
 
 TAKEN, SAMPLED, SINGLE = range(3)
 """Kinds of a cycle: taken as a whole, taken again to samples, and by single steps."""
@@ -88,16 +89,14 @@ def _begin_cycle(m: TouchingCycles, p: Any, frozen: Any, first: int, sampled: bo
 
 @inlined
 def _keep_begin(m: TouchingCycles) -> None:
-    for i in range(m.q.size):
-        m.q_begin[i] = m.q[i]
+    copy(m.q, m.q_begin)
     for i in range(m.v.size):
         m.v_begin[i], m.a_begin[i] = m.v[i], m.a[i]
 
 
 @inlined
 def _return_to_begin(m: TouchingCycles) -> None:
-    for i in range(m.q.size):
-        m.q[i] = m.q_begin[i]
+    copy(m.q_begin, m.q)
     for i in range(m.v.size):
         m.v[i], m.a[i] = m.v_begin[i], m.a_begin[i]
 

@@ -29,7 +29,7 @@ from fmd.dynamics.system import (
     project_onto_constraints,
 )
 from fmd.kernels.kernel import inlined, inner
-from fmd.kernels.vectors import call_native
+from fmd.kernels.vectors import call_native, clear
 
 _settles = inlined(settles)
 
@@ -87,8 +87,7 @@ def factor_constraints(p: ClosedParameters, q: Array) -> None:
 def push(m: Multipliers, w: Array) -> None:
     """Solve ``S λ = −w`` for the independent constraints, the others' λ being 0, and ``push = X λ``."""
     rank, S, order, y = m.rank[0], m.S, m.order, m.room
-    for k in range(w.size):
-        m.multiplier[k] = 0.0
+    clear(m.multiplier)
     for k in range(rank):
         row = order[k]
         y[k] = -w[row] * m.scale[row]
@@ -109,8 +108,7 @@ def push(m: Multipliers, w: Array) -> None:
 @inner
 def pull(m: Multipliers, multiplier: Array, out: Array) -> None:
     """Set ``out = X λ`` for multipliers λ of the independent constraints."""
-    for i in range(out.size):
-        out[i] = 0.0
+    clear(out)
     for k in range(m.rank[0]):
         row = m.order[k]
         block, lane, size = row // LANES, row % LANES, multiplier[row]

@@ -25,17 +25,10 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
 from fmd.dynamics.compiled_system.closed import factor_constraints, project_positions, project_rates, pull, push
 from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import ClosedParameters
-from fmd.dynamics.compiled_system.tangent_kernels import copy
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, project_onto_constraints
 from fmd.kernels.kernel import inner
-from fmd.kernels.vectors import call_native
-
-
-@inner
-def _clear(x: Array) -> None:
-    for i in range(x.size):
-        x[i] = 0.0
+from fmd.kernels.vectors import call_native, clear, copy
 
 
 @inner
@@ -55,7 +48,7 @@ def _keep_step(p: ClosedParameters, s: StepsBack, t: float, k: int, q: Array, v:
     for i in range(v.size):
         v[i] += s.h * a[i]
     advance(p, q, v, s.h, 0, v.size)
-    _clear(p.whole.total)
+    clear(p.whole.total)
     project_onto_constraints(p, t + s.h, s.h, q, v, a)
     copy(p.whole.total, s.pushes[k])
     copy(a, s.a[k])
@@ -75,7 +68,7 @@ def _step_back(p: ClosedParameters, s: StepsBack, t: float, k: int) -> None:
         s.rate[i] = s.dv[i] / h + s.da[i] / (h * h)
     copy(s.q[k], s.q_ahead)
     advance(p, s.q_ahead, s.v_ahead, h, 0, n)
-    _clear(s.rates)
+    clear(s.rates)
     _close_back(p, s, t + h, s.q[k + 1], s.ahead[k], s.dq)
     advance_back(p, s.q[k], s.v_ahead, h, s.dq, s.dv)
     for i in range(n):
@@ -173,7 +166,7 @@ def _close_back(p: ClosedParameters, s: StepsBack, t: float, q: Array, v: Array,
     last, widest = math.inf, 0.0
     s.left[1] = 0.0
     set_inputs(p, t)
-    _clear(s.g)
+    clear(s.g)
     for _ in range(2 * PROJECTIONS):
         call_native(s.residuals, (p.inputs, q, v, s.g, s.rates, s.of_inputs, s.of_q, s.of_v))
         copy(dq, s.moved_q)
@@ -196,16 +189,16 @@ def _close_back(p: ClosedParameters, s: StepsBack, t: float, q: Array, v: Array,
 def _project_back(p: ClosedParameters, s: StepsBack, t: float, q: Array, v: Array, dq: Array, dv: Array) -> None:
     copy(q, s.projected_q)
     copy(v, s.v_ahead)
-    _clear(p.whole.total)
+    clear(p.whole.total)
     project_positions(p, t, s.projected_q, s.v_ahead)
     copy(p.whole.total, s.multiplier)
-    _clear(p.whole.total)
+    clear(p.whole.total)
     project_rates(p, s.projected_q, s.v_ahead)
     copy(p.whole.total, s.other)
     _close_rates_back(p, s, s.projected_q, s.v_ahead, dv)
     pull(p.whole, s.multiplier, s.push)
     copy(q, s.q_ahead)
-    _clear(s.rate)
+    clear(s.rate)
     _close_back(p, s, t, s.projected_q, s.v_ahead, dq)
     _pushes_back(p, s, t, q, v, dv)
     _add(s.moved_q, dq)
@@ -216,8 +209,8 @@ def _close_rates_back(p: ClosedParameters, s: StepsBack, q: Array, v: Array, dv:
     """Take derivatives by rates that are projected back to those by the rates before it."""
     last, widest = math.inf, 0.0
     s.left[1] = 0.0
-    _clear(s.g)
-    _clear(s.rates)
+    clear(s.g)
+    clear(s.rates)
     for _ in range(2 * PROJECTIONS):
         call_native(s.residuals, (p.inputs, q, v, s.g, s.rates, s.of_inputs, s.of_q, s.of_v))
         copy(dv, s.weights)

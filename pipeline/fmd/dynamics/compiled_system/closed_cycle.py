@@ -19,7 +19,7 @@ from fmd.dynamics.compiled_system.parameters import ClosedCycle, ClosedParameter
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, fast_steps, freeze_slow, velocities
 from fmd.kernels.kernel import inlined
-from fmd.kernels.vectors import call_native
+from fmd.kernels.vectors import call_native, copy
 
 
 @freeze_slow.register(ClosedParameters)
@@ -28,8 +28,7 @@ def _freeze_slow(p: ClosedParameters, t: float, q: Array, v: Array, a: Array, cl
     n, n_slow, ahead = v.size, frozen.n_slow, closed.ahead[0]
     set_inputs(p, float(t))
     frozen.time[0] = t
-    for i in range(q.size):
-        closed.q[i] = q[i]
+    copy(q, closed.q)
     freeze_reacting(p, q, v, D, middle, a)
     for i in range(n_slow):  # the motion of q_L + D q_S, which leaves the fast coordinates where they are
         closed.a[i] = v[i]

@@ -17,13 +17,12 @@ from fmd.dynamics.compiled_system.closed_tangents import (
     ClosedTangentParameters,
     add_move,
     advance_tangents,
-    clear,
     close_positions,
     move_by,
 )
 from fmd.dynamics.compiled_system.cycle_tangents import CycleTangents, go_ahead
 from fmd.dynamics.compiled_system.parameters import Multipliers
-from fmd.dynamics.compiled_system.tangent_kernels import copy, set_time, take_state
+from fmd.dynamics.compiled_system.tangent_kernels import set_time, take_state
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import (
     accelerations,
@@ -33,7 +32,7 @@ from fmd.dynamics.system import (
     velocities,
 )
 from fmd.kernels.kernel import inner
-from fmd.kernels.vectors import call_native
+from fmd.kernels.vectors import call_native, clear, copy
 
 
 @dataclass(frozen=True)
@@ -127,8 +126,7 @@ def _follow(p: ClosedTangentParameters, c: ClosedCycleTangents, q: Array, v: Arr
     push(slow, c.w)
     for i in range(n_slow):
         c.z[i] += slow.push[i]
-    for k in range(c.along_f.size):
-        c.along_f[k] = slow.multiplier[k]
+    copy(slow.multiplier, c.along_f)
     _change(p, c, q, v, c.none_q, c.none, c.dw, c.du)
     call_native(c.cycle.middle.solve_slow, (p.inputs, q, c.f, c.x))
     for i in range(n):

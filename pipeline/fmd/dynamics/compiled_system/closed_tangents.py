@@ -17,11 +17,11 @@ from fmd.core.limits.newton import PROJECTIONS, STALLED
 from fmd.core.limits.round_off import ENLARGED
 from fmd.dynamics.compiled_system.closed import note_pushes, project_positions, project_rates, pull, push
 from fmd.dynamics.compiled_system.parameters import ClosedParameters, CompiledParameters, Leapfrog
-from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, copy, pulled, set_time, take_state
+from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, pulled, set_time, take_state
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, note_held, project, project_onto_constraints
 from fmd.kernels.kernel import inner
-from fmd.kernels.vectors import call_native
+from fmd.kernels.vectors import call_native, clear, copy
 
 
 class LinearisedAnewError(AccuracyError):
@@ -56,13 +56,6 @@ class ClosedTangentParameters(TangentParameters):
     rates: Array
     a_free: Array  # accelerations with tangents, at fixed multipliers or without any, and with some
     a_pulled: Array
-
-
-@inner
-def clear(x: Array) -> None:
-    """Fill an array with zeros."""
-    for i in range(x.size):
-        x[i] = 0.0
 
 
 @inner

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 
 from fmd.core.arrays import Array, IntArray
 from fmd.dynamics.compiled_system.parameters import ClosedCycle, CompiledParameters, FrozenCycle
-from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, copy, set_time, take_state
+from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, set_time, take_state
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import fast_steps, freeze_slow, velocities
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import call_native
+from fmd.kernels.vectors import call_native, copy
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from fmd.dynamics.system import (
     velocities,
 )
 from fmd.kernels.kernel import inlined
-from fmd.kernels.vectors import call_native
+from fmd.kernels.vectors import call_native, copy
 
 
 @inlined
@@ -84,8 +84,7 @@ def _advance(p: CompiledParameters, q: Array, v: Array, h: float, first: int, la
 @velocities.register(CompiledParameters)
 def _velocities(p: CompiledParameters, q: Array, v: Array, dq: Array) -> None:
     if p.quaternions.shape[0] == 0:
-        for i in range(v.size):
-            dq[i] = v[i]
+        copy(v, dq)
         return
     for i in range(v.size):
         if p.position[i] >= 0:

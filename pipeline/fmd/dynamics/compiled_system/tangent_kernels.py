@@ -9,9 +9,9 @@ from fmd.dynamics.compiled_system.kernels import take_leap
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.turns import Turns
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, velocities
-from fmd.kernels.kernel import inlined, inner
+from fmd.kernels.kernel import inlined
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import call_native
+from fmd.kernels.vectors import call_native, copy
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,6 @@ class TangentParameters(Table):
     multiplier: Array  # (n_rows,): that act, or that have moved positions
     dr: Array  # (n, 8): what the residual changes by where more than inputs change
     variants: MechanismVariants
-
-
-@inner
-def copy(x: Array, out: Array) -> None:
-    """Fill an array with the first values of another."""
-    for i in range(out.size):
-        out[i] = x[i]
 
 
 @accelerations.register(TangentParameters)
@@ -162,8 +155,7 @@ def _advance(p: TangentParameters, q: Array, v: Array, h: float, first: int, las
 @velocities.register(TangentParameters)
 def _velocities(p: TangentParameters, q: Array, v: Array, dq: Array) -> None:
     if p.quaternions.shape[0] == 0:
-        for i in range(v.size):
-            dq[i] = v[i]
+        copy(v, dq)
         return
     for i in range(p.n):
         if p.position[i] >= 0:

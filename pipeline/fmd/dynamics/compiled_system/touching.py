@@ -38,7 +38,7 @@ from fmd.dynamics.system import (
     set_impulses,
 )
 from fmd.kernels.kernel import inner
-from fmd.kernels.vectors import call_native
+from fmd.kernels.vectors import call_native, copy
 
 
 @dataclass(frozen=True)
@@ -267,8 +267,7 @@ def _set_impulses(p: Any, impulses: Array) -> None:
 @may_touch.register(TouchingParameters)
 @may_touch.register(TouchingClosedParameters)
 def _may_touch(p: Any, t: float, ahead: float, q: Array, v: Array) -> bool:
-    for i in range(q.size):
-        p.q_ahead[i] = q[i]
+    copy(q, p.q_ahead)
     advance(p, p.q_ahead, v, ahead, 0, v.size)
     set_inputs(p, float(t + ahead))
     call_native(p.frames, (p.inputs, p.q_ahead, v, p.origins, p.rotations, p.spins))
