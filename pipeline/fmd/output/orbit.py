@@ -7,7 +7,7 @@ import numpy as np
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import InputError
 from fmd.core.files import number_texts, write_table
-from fmd.output.output_kinds import OutputKind
+from fmd.output.output_kinds import OutputKind, key_of
 from fmd.output.variable_errors import VariableErrors, write_errors
 from fmd.recovery.motion import Motion
 from fmd.render.calls import Drawer, draw_here
@@ -41,7 +41,7 @@ def _shown_times(run: Pipeline, output: Orbit) -> BoolArray:
     shown = run.motion.times >= output.start
     if shown.sum() < 2:
         message = f"leaves no path: the last output times are {', '.join(f'{t:g} s' for t in run.motion.times[-2:])}"
-        raise InputError(run.scene.file, f"output.{run.scene.output.index(output)}.start", output.start, message)
+        raise InputError(run.scene.file, key_of(run, output, "start"), output.start, message)
     return shown
 
 

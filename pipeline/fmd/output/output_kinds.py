@@ -37,6 +37,12 @@ _MODULES = {
 """Files of this folder whose ``KINDS`` hold types that share them; another type has a file of its own name."""
 
 
+def key_of(run: Pipeline, output: Any, key: str) -> str:
+    """Return where a key of an output stands in the scene; one that was made beside it counts as the first."""
+    outputs = run.scene.output
+    return f"output.{outputs.index(output) if output in outputs else 0}.{key}"
+
+
 def read_nothing(_run: Pipeline, _output: Any) -> Iterator[tuple[str, str]]:
     """Iterate over no stages: the motion has all that an output takes."""
     return iter(())

@@ -13,7 +13,7 @@ from fmd.core.errors import InputError, as_input_error
 from fmd.core.units import unit_ratio
 from fmd.output.curves import curves_of, errors_of_curve
 from fmd.output.mechanism_view import body_surface, view_mechanism
-from fmd.output.output_kinds import OutputKind, Reads, read_body
+from fmd.output.output_kinds import OutputKind, Reads, key_of, read_body
 from fmd.recovery.stress import choose_frames, stress_measure
 from fmd.render.calls import Drawer, draw_here
 from fmd.render.camera import FILM_PIXELS, PIXELS, SHEET_PIXELS, Camera
@@ -167,9 +167,8 @@ def draw_mechanism(run: Pipeline, output: MechanismPicture, folder: Path, draw: 
     """Draw the whole mechanism at one time."""
     times = run.motion.times
     if output.time > times[-1] * (1 + 1e-9):
-        number = run.scene.output.index(output) if output in run.scene.output else 0
         message = f"is after the end of the motion at {times[-1]:g} s"
-        raise InputError(run.scene.file, f"output.{number}.time", output.time, message)
+        raise InputError(run.scene.file, key_of(run, output, "time"), output.time, message)
     frame = np.array([int(np.argmin(np.abs(times - output.time)))])
     title = output.title or f"{run.scene.title}: t = {times[frame[0]]:g} s"
     _draw_mechanism(run, output, frame, title, folder, draw)

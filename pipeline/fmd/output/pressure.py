@@ -15,7 +15,7 @@ from fmd.core.errors import InputError
 from fmd.core.limits.contact import ASLANT, PEAK_TIMES
 from fmd.core.limits.round_off import SUMMED
 from fmd.output.mechanism_view import body_surface
-from fmd.output.output_kinds import OutputKind
+from fmd.output.output_kinds import OutputKind, key_of
 from fmd.output.pictures import camera_of
 from fmd.recovery.wear import worn_faces
 from fmd.render.calls import Drawer, draw_here
@@ -42,10 +42,9 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
     found = scale * found
     frame = int(found.max(axis=1).argmax())
     if not found[frame].any():
-        number = run.scene.output.index(output) if output in run.scene.output else 0
         what = "presses" if quantity == "pressure" else "rubs"
         message = f"{what} nothing at any output time; a longer duration, or a shorter output_step, may show it"
-        raise InputError(run.scene.file, f"output.{number}.contact", output.contact, message)
+        raise InputError(run.scene.file, key_of(run, output, "contact"), output.contact, message)
     surface, part = body_surface(run, body), run.wholes[body]
     _, places = cKDTree(run.bodies[body].x[part.surface.nodes]).query(points.x[own])
     values, known = np.zeros(len(surface.points)), np.zeros(len(surface.points), dtype=bool)
@@ -97,9 +96,8 @@ def _find_field(
             if worn.body in run.parts and output.body in (None, worn.body):
                 return worn
     if touching.body not in run.parts:
-        number = run.scene.output.index(output) if output in run.scene.output else 0
         message = "is of points of a rigid body, which has no mesh to draw it on; motion.nc has it over time"
-        raise InputError(run.scene.file, f"output.{number}.contact", output.contact, message)
+        raise InputError(run.scene.file, key_of(run, output, "contact"), output.contact, message)
     fields = motion.contact_pressures if output.quantity == "pressure" else motion.contact_slips
     face = touching.face_of(output.contact)
     own = touching.points.faces[face]

@@ -17,7 +17,7 @@ from fmd.core.files import whole_file, write_table
 from fmd.core.limits.responses import AWAY_FROM_POLE, FINE_RATIO, NEAR_POLE, RESONANT, UNBOUNDED, UNDAMPED
 from fmd.core.limits.shown import LINE_POLES
 from fmd.core.netcdf import NetcdfVariable, write_netcdf
-from fmd.output.output_kinds import OutputKind, ResponseKind
+from fmd.output.output_kinds import OutputKind, ResponseKind, key_of
 from fmd.output.stated_errors import with_plain_error
 from fmd.output.variable_errors import NOT_STATED
 from fmd.responses.random_vibration import RandomResponse, random_response
@@ -205,8 +205,9 @@ def compute_scene_response(run: Pipeline, output: FrequencyResponseChart) -> Fre
         As `compute_response`; the message names the key of the scene.
     """
     scene = run.scene
-    key = f"output.{scene.output.index(output)}"
-    psd = None if output.psd is None else (output.psd, Path(scene.file).parent, (scene.file, f"{key}.psd"))
+    psd = (
+        None if output.psd is None else (output.psd, Path(scene.file).parent, (scene.file, key_of(run, output, "psd")))
+    )
     try:
         return compute_response(
             run, [output.input], output.outputs, output.to, output.from_, output.points, output.about, psd
@@ -215,7 +216,7 @@ def compute_scene_response(run: Pipeline, output: FrequencyResponseChart) -> Fre
         keys = {"--in": "input", "--out": "output", "--about": "about"}
         if error.file not in keys:
             raise
-        raise InputError(scene.file, f"{key}.{keys[error.file]}", error.value, error.mend) from None
+        raise InputError(scene.file, key_of(run, output, keys[error.file]), error.value, error.mend) from None
 
 
 def write_model(
