@@ -21,13 +21,13 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.contact import NUMBERS_BESIDE, TOO_LITTLE_BESIDE, WAY_BESIDE
 from fmd.dynamics.compiled_system.kernels import take_leap
 from fmd.dynamics.compiled_system.parameters import Leapfrog
-from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, copy, set_time, take_state
+from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, set_time, take_state
 from fmd.dynamics.compiled_system.touching import CONTACT_NUMBERS, TouchingParameters, TouchingSystem
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, leapfrog_step, note_contacts, remember_contacts
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import call_native
+from fmd.kernels.vectors import call_native, copy
 
 
 @dataclass(frozen=True)
