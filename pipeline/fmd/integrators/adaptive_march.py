@@ -14,9 +14,9 @@ from fmd.core.limits.stepping import HARDLY_MOVING
 from fmd.dynamics.step_bounds import StepBounds
 from fmd.dynamics.system import advance, project
 from fmd.integrators.step_control import keep_largest
+from fmd.kernels.arrays import clear, copy
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import clear, copy
 
 
 @inner

@@ -23,9 +23,10 @@ from fmd.dynamics.system import System, accelerations, advance
 from fmd.integrators.fixed_step import begin_cycle, end_cycle, runs_away, sample_within, take_cycles, take_steps
 from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import State
+from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import contracted, inlined
 from fmd.kernels.table import Table, aligned
-from fmd.kernels.vectors import copy, fill_vector, read_vector, write_vector
+from fmd.kernels.vectors import fill_vector, read_vector, write_vector
 
 DEGREES = {"frozen": 0, "carried": 2}
 """Largest degree of the polynomial by which forces go on, by the name of the scheme."""

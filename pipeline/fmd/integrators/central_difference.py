@@ -26,8 +26,8 @@ from fmd.integrators.fixed_step import (
 from fmd.integrators.lanes import arrange_lanes, make_lanes, march_lanes
 from fmd.integrators.march_tables import make_starts
 from fmd.integrators.protocol import Integrator, State, Trajectory, require_step, start_state
+from fmd.kernels.arrays import copy
 from fmd.kernels.table import aligned
-from fmd.kernels.vectors import copy
 
 
 @dataclass(frozen=True)

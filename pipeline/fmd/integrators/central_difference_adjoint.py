@@ -21,9 +21,9 @@ from fmd.dynamics.system import advance, choose_constraints_anew
 from fmd.integrators.adjoint import Sums, WeightedMarch, WeightedOutput, has_next, make_room, sections_back, take_back
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import State
+from fmd.kernels.arrays import clear
 from fmd.kernels.kernel import inlined, kernel
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import clear
 
 
 @dataclass(frozen=True)

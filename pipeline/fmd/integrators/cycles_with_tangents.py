@@ -7,8 +7,8 @@ from fmd.core.arrays import Array, IntArray
 from fmd.dynamics.system import accelerations, advance, fast_steps, freeze_slow, project_onto_constraints
 from fmd.integrators.fixed_step import begin_cycle, end_cycle, runs_away, sample_within, take_steps
 from fmd.integrators.march_tables import Samples
+from fmd.kernels.arrays import copy
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import copy
 
 
 @dataclass(frozen=True)

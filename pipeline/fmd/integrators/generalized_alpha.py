@@ -31,8 +31,8 @@ from fmd.integrators.protocol import (
     start_state,
 )
 from fmd.integrators.work_bounds import round_down
+from fmd.kernels.arrays import copy
 from fmd.kernels.table import aligned
-from fmd.kernels.vectors import copy
 
 
 @dataclass(frozen=True)

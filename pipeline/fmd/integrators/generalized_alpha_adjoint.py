@@ -28,9 +28,9 @@ from fmd.integrators.fixed_step import take_steps
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.newmark_steps import NewmarkSteps, factor_tangent, move_to_end, solve_part
 from fmd.integrators.protocol import State
+from fmd.kernels.arrays import clear, copy
 from fmd.kernels.kernel import inner, kernel
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import clear, copy
 
 
 @dataclass(frozen=True)

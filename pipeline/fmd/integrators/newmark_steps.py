@@ -23,9 +23,9 @@ from fmd.core.limits.newton import (
 from fmd.core.newton import settles
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, project, remember_contacts
+from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import copy
 
 _settles = inlined(settles)
 

@@ -38,9 +38,10 @@ from fmd.integrators.fixed_step import (
 )
 from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import State, Trajectory, require_ratio, start_state
+from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import unrolled
 from fmd.kernels.table import Table, aligned
-from fmd.kernels.vectors import call_native, copy, fill_vector, read_vector, write_vector
+from fmd.kernels.vectors import call_native, fill_vector, read_vector, write_vector
 
 
 @dataclass(frozen=True)

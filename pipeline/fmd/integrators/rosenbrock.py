@@ -35,9 +35,9 @@ from fmd.integrators.adaptive_march import (
 from fmd.integrators.phi_functions import fill_phi_functions
 from fmd.integrators.protocol import Integrator
 from fmd.integrators.step_control import just_after, just_before, scaled_error
+from fmd.kernels.arrays import clear
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table, aligned
-from fmd.kernels.vectors import clear
 
 
 @dataclass(frozen=True)

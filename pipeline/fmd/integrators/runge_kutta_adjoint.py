@@ -36,9 +36,9 @@ from fmd.integrators.adjoint import (
 )
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.integrators.step_control import just_after, just_before
+from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import inner, kernel
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import copy
 
 _STAGES, _OF_END = 16, 12  # slopes, also those of the dense output; the last stage of a step is at its end
 

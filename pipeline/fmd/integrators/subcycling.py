@@ -41,8 +41,8 @@ from fmd.integrators.fixed_step import (
 )
 from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import Integrator, Progress, State, Trajectory, require_ratio, start_state
+from fmd.kernels.arrays import copy
 from fmd.kernels.table import Table, aligned
-from fmd.kernels.vectors import copy
 
 
 @dataclass(frozen=True)

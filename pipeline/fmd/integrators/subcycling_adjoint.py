@@ -39,9 +39,10 @@ from fmd.integrators.adjoint import (
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import State
 from fmd.integrators.subcycling import Subcycling
+from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import inlined, inner, kernel
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import call_native, copy
+from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)

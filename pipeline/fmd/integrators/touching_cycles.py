@@ -17,9 +17,9 @@ from fmd.dynamics.system import accelerations, is_pressed, may_touch
 from fmd.integrators.central_difference import LeapfrogSteps
 from fmd.integrators.fixed_step import begin_cycle, end_cycle, runs_away, sample_within, take_steps
 from fmd.integrators.march_tables import Samples
+from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import inlined
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import copy
 
 TAKEN, SAMPLED, SINGLE = range(3)
 """Kinds of a cycle: taken as a whole, taken again to samples, and by single steps."""

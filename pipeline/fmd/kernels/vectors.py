@@ -5,21 +5,6 @@ import ctypes
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.kernels.kernel import inlined
-
-
-@inlined
-def copy(x: Array, out: Array) -> None:
-    """Fill an array with the first values of another."""
-    for i in range(out.size):
-        out[i] = x[i]
-
-
-@inlined
-def clear(x: Array) -> None:
-    """Fill an array with zeros."""
-    for i in range(x.size):
-        x[i] = 0.0
 
 
 def read_vector(x: Array, at: int, width: int) -> Array:

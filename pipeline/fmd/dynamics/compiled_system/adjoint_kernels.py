@@ -20,9 +20,10 @@ from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import CompiledParameters, TreeParameters
 from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, take_state
 from fmd.dynamics.system import accelerations, advance
+from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import inlined, inner, kernel
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import call_native, copy
+from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,9 @@ from fmd.dynamics.system import (
     project,
     project_onto_constraints,
 )
+from fmd.kernels.arrays import clear
 from fmd.kernels.kernel import inlined, inner
-from fmd.kernels.vectors import call_native, clear
+from fmd.kernels.vectors import call_native
 
 _settles = inlined(settles)
 

@@ -27,8 +27,9 @@ from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import ClosedParameters
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, project_onto_constraints
+from fmd.kernels.arrays import clear, copy
 from fmd.kernels.kernel import inner
-from fmd.kernels.vectors import call_native, clear, copy
+from fmd.kernels.vectors import call_native
 
 
 @inner

@@ -18,8 +18,9 @@ from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import ClosedCycle, ClosedParameters, MiddleCycle
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, fast_steps, freeze_slow, velocities
+from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import inlined
-from fmd.kernels.vectors import call_native, copy
+from fmd.kernels.vectors import call_native
 
 
 @freeze_slow.register(ClosedParameters)

@@ -31,8 +31,9 @@ from fmd.dynamics.system import (
     project_onto_constraints,
     velocities,
 )
+from fmd.kernels.arrays import clear, copy
 from fmd.kernels.kernel import inner
-from fmd.kernels.vectors import call_native, clear, copy
+from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,9 @@ from fmd.dynamics.compiled_system.parameters import ClosedParameters, CompiledPa
 from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, pulled, set_time, take_state
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, note_held, project, project_onto_constraints
+from fmd.kernels.arrays import clear, copy
 from fmd.kernels.kernel import inner
-from fmd.kernels.vectors import call_native, clear, copy
+from fmd.kernels.vectors import call_native
 
 
 class LinearisedAnewError(AccuracyError):

@@ -19,9 +19,10 @@ from fmd.dynamics.compiled_system.parameters import ClosedCycle, CompiledParamet
 from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, set_time, take_state
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import fast_steps, freeze_slow, velocities
+from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import call_native, copy
+from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)

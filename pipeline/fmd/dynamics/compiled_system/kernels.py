@@ -15,8 +15,9 @@ from fmd.dynamics.system import (
     remember_found,
     velocities,
 )
+from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import inlined
-from fmd.kernels.vectors import call_native, copy
+from fmd.kernels.vectors import call_native
 
 
 @inlined

@@ -9,9 +9,10 @@ from fmd.dynamics.compiled_system.kernels import take_leap
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.turns import Turns
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, velocities
+from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import inlined
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import call_native, copy
+from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)

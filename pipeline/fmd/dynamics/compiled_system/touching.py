@@ -37,8 +37,9 @@ from fmd.dynamics.system import (
     remember_found,
     set_impulses,
 )
+from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import inner
-from fmd.kernels.vectors import call_native, copy
+from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)

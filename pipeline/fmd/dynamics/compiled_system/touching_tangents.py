@@ -25,9 +25,10 @@ from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, set_
 from fmd.dynamics.compiled_system.touching import CONTACT_NUMBERS, TouchingParameters, TouchingSystem
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, leapfrog_step, note_contacts, remember_contacts
+from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table
-from fmd.kernels.vectors import call_native, copy
+from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)
