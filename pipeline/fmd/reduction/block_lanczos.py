@@ -14,7 +14,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.modes import BLOCK_RESTARTS, DEPENDENT, EVEN, LANCZOS_RESIDUAL, NEARLY_CONVERGED, PASSES
+from fmd.core.limits.modes import BLOCK_RESTARTS, DEPENDENT, EVEN, LANCZOS_RESIDUAL, LEFT, NEARLY_CONVERGED, PASSES
 
 
 def largest_pairs(
@@ -85,7 +85,7 @@ def orthonormal_rows(W: Array, M: Any, *bases: tuple[Array, Array]) -> tuple[Arr
         c += R @ part
         MW = np.ascontiguousarray((M @ W.T).T)
         squares, V = np.linalg.eigh(W @ MW.T)
-        is_even = squares[0] > EVEN * max(squares[-1], taken_off)
+        is_even = squares[0] > max(EVEN * squares[-1], LEFT * taken_off)
         if not taken and not is_even:
             MW = W
             squares, V = np.linalg.eigh(W @ MW.T)

@@ -37,6 +37,7 @@ SINGULAR = 1e-13  # of its diagonal: a smaller pivot of a factor is round-off
 BASIS_BLOCKS = 6  # blocks beyond the wanted modes in a basis: with 10, two solutions less of 24
 DEPENDENT = 1e-13  # of a block's vectors: what is left of them outside the basis is round-off
 EVEN = 1e-4  # ratio of squares of a block's directions, from which on one product makes them orthonormal to 1e-12
+LEFT = 1e-2  # part of the square of what one pass takes off, from which on what it leaves needs no other
 LANCZOS_TRIES = 3  # runs of Lanczos's method, each outside the modes of those before, until no mode is missed
 MOST_DENSE = 4000  # unknowns up to which all modes are computed in half a minute
 DENSE_FROM = 0.25  # of as many or fewer unknowns: more Lanczos vectors take longer than all modes do
