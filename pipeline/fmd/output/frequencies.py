@@ -88,7 +88,8 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
         found += _midsurface_warnings(name, part)
         if len(run.pieces_of(name)) > 1:  # whose modes are those of its pieces
             continue
-        for label, share in getattr(part.fe, "part_ties", {}).items():
+        tied = part.fe if part.shape.file_keys[:1] == ("mesh",) and part.mesh.connections is not None else None
+        for label, share in getattr(tied, "part_ties", {}).items():
             text = f"{name}: {label} holds {100 * share:.2g} % of its edge; beside the rest is nothing near enough"
             found.append({"code": "tie-in-part", "body": name, "text": text})
         if (cost := _cost_of_lumping(part)) > LUMPING_COUNTS:
