@@ -102,6 +102,18 @@ def test_a_run_without_a_budget_states_an_error_of_auto_that_holds_the_true_one(
     assert 1 < stated / motion_difference(run.system, found.q, found.v, exact) < 4
 
 
+@pytest.mark.parametrize("seed", [138, 176])
+def test_a_third_march_tells_the_error_of_few_steps(module: Any, tmp_path: Path, seed: int) -> None:
+    """By the order of their mean steps two marches, of up to 26 steps, told a fifth of the error of 176."""
+    file = tmp_path / "scene.toml"
+    file.write_text(module("truth_scenes").random_case(seed).text)
+    run = Pipeline(load_scene(file))
+    found = run.motion.trajectory
+    exact = RungeKutta(1e-10).march(run.system, *run.start, found.times)
+    stated = summarise(run, [], budget=False)["integrations"][0]["error"]
+    assert 1 < stated / motion_difference(run.system, found.q, found.v, exact) < 5
+
+
 def test_a_run_whose_two_marches_missed_the_same_is_warned_of() -> None:
     run = Pipeline(load_scene("rod-slider", ['simulation.run=[{integrator="auto"}]']))
     budget = Budget((), integration=5 * run.scene.simulation.error)

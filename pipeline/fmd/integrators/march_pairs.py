@@ -9,7 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.stepping import FEWEST_TIMES, MARGIN, MOST_TIMES, OF_RATES, STAYS, STILL_GROUP
+from fmd.core.limits.stepping import FEWEST_TIMES, MARGIN, MOST_TIMES, OF_RATES, STAYS, STILL_GROUP, THIRD_TOLERANCE
 from fmd.dynamics.system import System
 from fmd.integrators.protocol import Trajectory
 from fmd.integrators.step_control import groups_of
@@ -92,6 +92,17 @@ class Pairs:
         agreed = self.difference < self.error
         self.parting = None if agreed else self._part(before, trajectory, believed * self.error)
         return agreed
+
+    def holds_beside(self, third: Trajectory, last: Trajectory, least: float) -> bool:
+        """Take the last march's error, at least so much, from one of a finer tolerance; return true if it is allowed.
+
+        The third march may have a part of the output times only.
+        """
+        self.seconds, self.evaluations = self.seconds + third.seconds, self.evaluations + third.evaluations
+        self.difference = max(self._apart(third, last) / (1.0 - THIRD_TOLERANCE), least)
+        holds = self.difference < self.error
+        self.parting = None if holds else self._part(third, last, (1.0 - THIRD_TOLERANCE) * self.error)
+        return holds
 
     def _part(self, before: Trajectory, after: Trajectory, allowed: float) -> Parting | None:
         """Return where a march parts from the one before by more than what is allowed."""

@@ -98,6 +98,8 @@ UNRESOLVED_ORDER, UNRESOLVED_LEAST, UNRESOLVED_MOST = 1.2, 0.7, 4.0
 
 # Pairs of marches.
 OF_RATES = 0.5  # weight of their error: rates hold more of the fastest vibrations, which matter less
+# Evaluations of a Runge-Kutta march up to which a third one tells its error, and that one's tolerance over its own.
+FEW_EVALUATIONS, THIRD_TOLERANCE = 3000, 0.1
 STAYS = 0.7  # of the difference of coarser marches
 # On the steps that a difference asks for; times as many steps as before.
 MARGIN, FEWEST_TIMES, MOST_TIMES = 1.2, 1.5, 8.0
