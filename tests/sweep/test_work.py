@@ -15,7 +15,7 @@ from fmd.integrators.automatic import Automatic
 from fmd.integrators.protocol import Progress, Trajectory
 from fmd.output.summary import summarise_solved
 from fmd.scene.scene import load_scene
-from fmd.stages import like_mechanisms
+from fmd.stages import like_mechanisms, variants
 from fmd.stages.mechanism import build_mechanism
 from fmd.stages.plan import Plan
 from fmd.sweep import work
@@ -69,8 +69,12 @@ def test_figures_of_points_together_are_those_of_runs_by_themselves(
                 assert found[name] == expected, name
 
 
-def test_points_together_march_together_between_their_output_times_too(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("at_once", "count"), [(variants.FINE_VALUES_AT_ONCE, 2), (1000, 4)])
+def test_points_together_march_together_between_their_output_times_too_where_memory_holds_it(
+    at_once: int, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     marched, march = list[int](), Plan.march
+    monkeypatch.setattr(variants, "FINE_VALUES_AT_ONCE", at_once)
 
     def noted(plan: Plan, times: Array, progress: Progress | None = None) -> Trajectory:
         marched.append(len(times))
@@ -81,7 +85,9 @@ def test_points_together_march_together_between_their_output_times_too(monkeypat
     points = [load_scene("arm", [*_ARM, f"joint.elbow.damper={value} N m s"]) for value in (0.1, 0.2, 0.4)]
     records = dict(compute_points({point_key(point): point for point in points}))
     assert all(record.status == "ok" for record in records.values())
-    assert len(marched) == 2  # at the output times and between them, of the first alone, whose mechanism others take
+    assert (
+        len(marched) == count
+    )  # at the output times and between them, of the first alone, whose mechanism others take
 
 
 def test_points_by_auto_share_a_choice_that_each_of_them_checks_by_marches_of_its_own(

@@ -8,7 +8,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError, StabilityError
-from fmd.core.limits.memory import VALUES_AT_ONCE
+from fmd.core.limits.memory import FINE_VALUES_AT_ONCE, VALUES_AT_ONCE
 from fmd.core.limits.stepping import NEARLY
 from fmd.dynamics.compiled_system.shared import structure_of
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -103,7 +103,7 @@ def share_fine_marches(runs: Sequence[Pipeline]) -> None:
     """March the first runs of many scenes again, in the same steps, for the stage "fine motion" of each to take.
 
     Those with something flexible at the tip that have one structure, method and step are marched by one call of a
-    kernel, which samples at the times of all; each takes its own.
+    kernel, which samples at the times of all; each takes its own. What wouldn't fit in memory each marches by itself.
     """
     alike: dict[tuple[Hashable, Any], list[tuple[_Run, Array]]] = {}
     for run in runs:
@@ -118,9 +118,12 @@ def share_fine_marches(runs: Sequence[Pipeline]) -> None:
         if len(times) > len(outputs) and _starts_alike(method, system):
             alike.setdefault((structure_of(system), method), []).append((_Run(run, FINE, plan), times))
     for (_, method), some in alike.items():
-        times = np.unique(np.concatenate([own for _, own in some]))
-        marches = _march_together([own for own, _ in some], method, times) if len(some) > 1 else ()
-        for (own, asked), march in zip(some, marches, strict=False):
+        times, system = np.unique(np.concatenate([own for _, own in some])), some[0][0].plan.marched[0]
+        size = len(some) * len(times) * (system.n_positions + system.n)
+        if len(some) == 1 or size > FINE_VALUES_AT_ONCE:
+            continue
+        marches = _march_together([own for own, _ in some], method, times)
+        for (own, asked), march in zip(some, marches, strict=True):
             at = np.searchsorted(times, asked)
             own.keep(march and replace(march, times=asked, q=march.q[at], v=march.v[at]))
 

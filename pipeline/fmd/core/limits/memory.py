@@ -53,6 +53,7 @@ MOST_BEGINS_KEPT = 2**24  # numbers of the states at which chosen steps begin, w
 # Sweeps.
 POINTS_AT_ONCE = 64  # points that share their work in a process: from half as many on, a point takes no less
 FINE_MARCHES_AT_ONCE = 16  # of these, marched again at some thousand times: two groups of lanes
+FINE_VALUES_AT_ONCE = 2**24  # numbers of states at these times, of all of them together
 
 # Results.
 TIMES_AT_ONCE = 8192  # output times whose results are held at a time while they are written or compared

@@ -19,12 +19,10 @@ from fmd.contact.sums import note_values, remember
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.contact import NUMBERS_BESIDE, TOO_LITTLE_BESIDE, WAY_BESIDE
-from fmd.dynamics.compiled_system.kernels import take_leap
-from fmd.dynamics.compiled_system.parameters import Leapfrog
 from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, set_time, take_state
 from fmd.dynamics.compiled_system.touching import CONTACT_NUMBERS, TouchingParameters, TouchingSystem
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.system import accelerations, leapfrog_step, note_contacts, remember_contacts
+from fmd.dynamics.system import accelerations, note_contacts, remember_contacts, remember_found
 from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table
@@ -295,11 +293,8 @@ def _change_numbers(p: TouchingTangentParameters, q: Array, v: Array, lane: int,
     place_beside(near, by.q, by.origins, by.rotations)
 
 
-@leapfrog_step.register(TouchingTangentParameters)
-def _leapfrog_step(
-    p: TouchingTangentParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array
-) -> None:
-    take_leap(p, leapfrog, t, h, q, v, a)
+@remember_found.register(TouchingTangentParameters)
+def _remember_found(p: TouchingTangentParameters, t: float) -> None:
     remember(p.own.contact, t, p.own.origins, p.own.rotations)
 
 
