@@ -72,6 +72,23 @@ def test_shells_of_eight_nodes_have_frequencies_of_calculix(tmp_path: Path) -> N
     assert again == pytest.approx(frequencies(mesh), rel=1e-9)
 
 
+@pytest.mark.parametrize(("card", "element"), [("CTRIA6", "triangle"), ("CQUAD8", "quadrilateral")])
+def test_cards_without_their_middles_are_shells_of_their_corners(tmp_path: Path, card: str, element: str) -> None:
+    """Nastran lets them out; offset and thickness keep their places in the card."""
+    p, cells = with_middles(2, element)
+    n = cells.shape[1]
+    corners, x = cells[:, : n // 2], np.column_stack([p, 0 * p[:, 0]])
+    lines = ["BEGIN BULK", *(f"GRID,{k},,{a},{b},{c}" for k, (a, b, c) in enumerate(x, start=1)), "MAT1,1,7.+10,,.33"]
+    thick = [".02"] * (n // 2)
+    for number, row in enumerate(corners + 1, start=1):
+        rest = [*thick, "", ".002"] if n == 8 else ["", ".002", *thick]
+        lines.append(nastran_card(card, str(number), "7", *map(str, row), *[""] * (n // 2), *rest))
+    (tmp_path / "flat.bdf").write_text("\n".join([*lines, "PSHELL,7,1,.01,1,,1", "ENDDATA"]))
+    mesh = read_structure(tmp_path / "flat.bdf", 1.0, GivenSections())
+    assert (mesh.n_cells, mesh.volume) == (len(cells), pytest.approx(0.02, rel=1e-9))
+    assert np.unique(mesh.points[:, 2]) == pytest.approx([-0.008, 0.012])
+
+
 @pytest.mark.parametrize(
     ("kind", "card", "element"), [("STRI65", "CTRIA6", "triangle"), ("S8R", "CQUAD8", "quadrilateral")]
 )
@@ -134,6 +151,21 @@ def test_halved_shells_lie_on_the_curved_midsurface(tmp_path: Path) -> None:
     assert np.abs(depth[inside]).max() < 4e-5
     assert depth.max() == pytest.approx(0.5 * 0.3 * (1 - np.cos(np.radians(7.5))), rel=0.02)
     assert len(mesh.faces["ROOT"]) == 2 * 13
+
+
+def test_the_rim_of_a_cap_is_as_round_as_its_cylinder(tmp_path: Path) -> None:
+    """A regular 24-gon of radius 0.3 m, whose sides' middles are 2.6 mm below the circle; the cap is flat."""
+    angle = 2 * np.pi / 24 * np.arange(24)
+    ring = np.column_stack([0.3 * np.cos(angle), 0.3 * np.sin(angle), 0 * angle])
+    k = np.arange(24)
+    wall = np.stack([k, (k + 1) % 24, 24 + (k + 1) % 24, 24 + k], axis=1)
+    cap = np.stack([24 + k, 24 + (k + 1) % 24, np.full(24, 48)], axis=1)
+    x = np.concatenate([ring, ring + np.array([0, 0, 0.1]), [[0, 0, 0.1]]])
+    write_abaqus(tmp_path / "can.inp", x, {"S4": wall, "S3": cap})
+    x = read_structure(tmp_path / "can.inp", 1.0, GivenSections(0.004, halvings=1)).midsurface.nodes  # type: ignore[union-attr]
+    radius = np.hypot(x[:, 0], x[:, 1])
+    assert (np.abs(radius - 0.3) < 4e-5).sum() == 3 * 48
+    assert x[radius < 0.29, 2] == pytest.approx(0.1, abs=1e-12)
 
 
 def test_halved_shells_keep_folds_and_have_the_frequencies_of_the_finer_mesh(tmp_path: Path) -> None:

@@ -61,9 +61,10 @@ def halve_shells(raw: RawMesh) -> RawMesh:
     corners = [raw.blocks[b][1] for b in shells]
     sides = np.concatenate([np.stack([own, np.roll(own, -1, axis=1)], axis=2).reshape(-1, 2) for own in corners])
     ends, number = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
-    turn = _curve_of_sides(raw.points, corners)
-    count = np.bincount(number.ravel())
-    curve = np.stack([np.bincount(number.ravel(), turn[:, a]) for a in range(3)], axis=1) / count[:, None]
+    rise = _curve_of_sides(raw.points, corners)
+    size = np.linalg.norm(rise, axis=1).clip(np.finfo(float).tiny)  # so a flat cap leaves its rim round
+    total = np.stack([np.bincount(number.ravel(), size * each) for each in rise.T], axis=1)
+    curve = total / np.bincount(number.ravel(), size)[:, None]
     new = len(raw.points) + number.reshape(-1)
     blocks, given, at = list(raw.blocks), list(raw.shells), 0
     for b, own in zip(shells, corners, strict=True):

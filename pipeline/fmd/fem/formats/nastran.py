@@ -29,10 +29,10 @@ for _cell_type in CELLS.values():
 _PLANES = {
     "CTRIA3": {3: "triangle"},
     "CTRIAR": {3: "triangle"},
-    "CTRIA6": {6: "triangle6"},
+    "CTRIA6": {3: "triangle", 6: "triangle6"},
     "CQUAD4": {4: "quad"},
     "CQUADR": {4: "quad"},
-    "CQUAD8": {8: "quad8"},
+    "CQUAD8": {4: "quad", 8: "quad8"},
 }
 _LINES = ("CBAR", "CBEAM", "CROD", "CTUBE", "CBEND")
 _OTHERS = (
@@ -84,7 +84,7 @@ def read_nastran(text: str) -> RawMesh:
                 cells[kind].append(nodes)
                 properties[kind].append(fields[1])
                 if name in _PLANES:
-                    shells.add(kind, len(nodes), fields)
+                    shells.add(kind, max(_PLANES[name]), fields)
                 elif kind == "line":
                     beams.add(name, fields)
             elif shells.takes(name, fields) or beams.takes(name, fields) or links.takes(name, fields):
@@ -211,7 +211,7 @@ def _cell(name: str, fields: list[str]) -> tuple[str, list[int]]:
     n_full = max(kinds)
     given = [*fields[2 : 2 + n_full], *[""] * n_full][:n_full]
     nodes = [int(field) if field else 0 for field in given]
-    n_local = n_full if name in _PLANES else next(n for n in sorted(kinds) if not any(nodes[n:]))
+    n_local = next(n for n in sorted(kinds) if not any(nodes[n:]))
     if not all(nodes[:n_local]):
         missing = sum(node == 0 for node in nodes[:n_local])
         raise MeshFileError(

@@ -49,10 +49,9 @@ class NastranShells:
         return False
 
     def add(self, kind: str, n_local: int, fields: list[str]) -> None:
-        """Take the offset of an element, its THETA or MCID, and the thicknesses at its nodes."""
-        turn, flag = {6: (8, 13), 8: (14, 16)}.get(
-            n_local, (2 + n_local, 9)
-        )  # fields of THETA, before ZOFFS, and TFLAG
+        """Take an element's offset, THETA or MCID, and thicknesses from its card, which has room for n_local nodes."""
+        # Fields of THETA, before ZOFFS, and of TFLAG.
+        turn, flag = {6: (8, 13), 8: (14, 16)}.get(n_local, (2 + n_local, 9))
         fields = fields + [""] * 17
         self.turns.setdefault(kind, []).append(fields[turn])
         self.offsets.setdefault(kind, []).append(read_field(fields[turn + 1]))
