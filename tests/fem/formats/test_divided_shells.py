@@ -190,6 +190,9 @@ def test_what_can_not_be_divided_is_refused_by_name(tmp_path: Path) -> None:
         InputError, match=r"mesh\.halvings is of shells alone, and the elements are 1 hexahedron, 1 quad"
     ):
         read_structure(tmp_path / "both.inp", 1.0, GivenSections(0.01, halvings=1))
+    write_abaqus(tmp_path / "collapsed.inp", x, {"S4": np.array([[0, 1, 3, 3]])})
+    with pytest.raises(InputError, match=r"1 shells have a node more than once, as collapsed ones do"):
+        read_structure(tmp_path / "collapsed.inp", 1.0, GivenSections(0.01, halvings=1))
     p, cells = with_middles(1)
     flat = np.column_stack([p, 0 * p[:, 0]])
     write_abaqus(tmp_path / "eight.inp", flat, {"S8R": cells})

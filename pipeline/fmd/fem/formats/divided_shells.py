@@ -8,6 +8,7 @@ import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.mesh import SHELL_FOLD
+from fmd.fem.formats.import_shell import refuse_collapsed
 from fmd.fem.formats.named_sets import PLANE, corners_of, facets_of_solids
 from fmd.fem.formats.raw_mesh import BlockShells, MeshFileError, RawMesh, at_all_nodes
 from fmd.fem.mesh import rows_among, three_corners
@@ -53,12 +54,14 @@ def halve_shells(raw: RawMesh) -> RawMesh:
     Raises
     ------
     MeshFileError
-        There are other elements than shells of three and four nodes.
+        There are other elements than shells of three and four nodes, or some are collapsed.
     """
     if any(kind not in (*_WITH_MIDDLES, "vertex") and len(cells) for kind, cells in raw.blocks):
         raise MeshFileError(f"mesh.halvings is of shells alone, and the elements are {raw.list_elements()}")
     shells = [b for b, (kind, cells) in enumerate(raw.blocks) if kind in _WITH_MIDDLES and len(cells)]
     corners = [raw.blocks[b][1] for b in shells]
+    for own in corners:
+        refuse_collapsed(own)
     sides = np.concatenate([np.stack([own, np.roll(own, -1, axis=1)], axis=2).reshape(-1, 2) for own in corners])
     ends, number = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
     rise = _curve_of_sides(raw.points, corners)

@@ -68,11 +68,7 @@ def take_shells(raw: RawMesh, scale: float, sections: GivenSections) -> tuple[Sh
         blocks.append(own)
         source.append(np.stack([np.full(len(number), b), number], axis=1))
     cells, of = np.concatenate(blocks), np.concatenate(source)
-    repeated = int((np.diff(np.sort(cells, axis=1), axis=1) == 0).any(axis=1).sum())
-    if repeated:
-        raise MeshFileError(
-            f"{repeated} shells have a node more than once, as collapsed ones do; write them as triangles"
-        )
+    refuse_collapsed(cells)
     used, place = number_used(cells, len(raw.points))
     t, offset, layup = _sections(raw, of, cells, scale, sections.thickness)
     if raw.shell_faults and sections.thickness is not None:
@@ -146,6 +142,14 @@ def _own_thickness(given: Mapping[str, float], parts: Mapping[str, IntArray]) ->
             if common not in (0, whole) and own[name] != own[other]:
                 raise MeshFileError(f"mesh.thickness of {other} and of {name}, which share {common} shells")
     return {name: own[name] for name in order}
+
+
+def refuse_collapsed(cells: IntArray) -> None:
+    """Raise ``MeshFileError`` if shells (n_cells, n_local) have a node more than once."""
+    if repeated := int((np.diff(np.sort(cells, axis=1), axis=1) == 0).any(axis=1).sum()):
+        raise MeshFileError(
+            f"{repeated} shells have a node more than once, as collapsed ones do; write them as triangles"
+        )
 
 
 def _listed(faults: list[str]) -> str:
