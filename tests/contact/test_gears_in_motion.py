@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import cache
 from math import pi
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from fmd.dynamics.elements import GearTeeth
 from fmd.dynamics.kinematics import Kinematics
 from fmd.fitting.parameters import find_parameter
 from fmd.output.campbell import compute_campbell
+from fmd.output.contact_faults import unfelt_faults
 from fmd.output.fmu.write import write_own_fmu
 from fmd.output.gear_teeth import gear_teeth_figures, gear_teeth_warnings
 from fmd.output.work_precision import compare_on_scene
@@ -301,6 +303,17 @@ def held(**simulation: Any) -> Pipeline:
     scene["drive"]["motor"] = {"type": "motion", "joint": "in", "angle": 0.0}
     scene["simulation"] |= {"duration": 2e-6, "output_step": 2e-6, "fast": [], "run": METHODS[:1], **simulation}
     return driven().variant(load_scene(scene))
+
+
+def test_a_gear_that_also_touches_says_that_forces_on_its_teeth_deflect_no_face() -> None:
+    """Nothing is said of a body that touches beside gears; neither is pressed yet."""
+    bodies = [SimpleNamespace(body=name, points=SimpleNamespace(yields={})) for name in ("pinion", "plate")]
+    touched = SimpleNamespace(forces={own.body: np.zeros((1, 1, 3)) for own in bodies})
+    motion = SimpleNamespace(touched=touched, mechanism=SimpleNamespace(contacts=bodies))
+    run: Any = SimpleNamespace(motion=motion, parts=dict.fromkeys(["pinion", "plate"]), scene=load_scene(gears()))
+    ((code, text),) = unfelt_faults(run)
+    assert code == "contact-gear"
+    assert text.startswith("gear_mesh.teeth: forces on the teeth of pinion deflect neither")
 
 
 @pytest.mark.parametrize(
