@@ -11,7 +11,7 @@ from fmd.contact.surfaces import find_rim, node_normals
 from fmd.contact.touching_body import TouchingBody
 from fmd.core.arrays import Array
 from fmd.core.limits.contact import DEPTH_FRAMES, FACE_ALIKE, RIGID_BESIDE, ROUNDED_START, UNFELT
-from fmd.dynamics.elements import SixAxisSpring
+from fmd.dynamics.elements import PointSpring, SixAxisSpring
 from fmd.integrators.exponential import Exponential
 from fmd.integrators.protocol import evaluate
 from fmd.recovery.motion import Motion
@@ -118,11 +118,13 @@ def _spring_faults(run: Pipeline, body: TouchingBody) -> Iterator[str]:
     """
     motion, part = run.motion, run.parts[body.body]
     forces, pressed = _pressed_times(motion, body)
+    given = [
+        (f"{kind}.{name}", own.between) for kind, table in run.scene.elements.items() for name, own in table.items()
+    ]
     ends = [
-        (kind, name, side, end.partition(".")[2])
-        for kind, table in run.scene.elements.items()
-        for name, element in table.items()
-        for side, end in enumerate(element.between)
+        (key, element, side, end.partition(".")[2])
+        for (key, between), element in zip(given, motion.mechanism.elements, strict=False)  # gears' teeth come last
+        for side, end in enumerate(between)
         if end.partition(".")[0] == body.body and pressed
     ]
     if not ends:
@@ -135,21 +137,21 @@ def _spring_faults(run: Pipeline, body: TouchingBody) -> Iterator[str]:
     for row, k in zip(felt, pressed, strict=True):
         evaluate(p, float(motion.times[k]), motion.trajectory.q[k].copy(), motion.trajectory.v[k].copy(), a)
         row[:] = p.contact.felt[own, : len(row)]
-    R, elements = motion.kinematics.frames[number].rotation[pressed], {at.name: at for at in motion.mechanism.elements}
-    for kind, name, side, marker in ends:
-        element = elements[name]
+    R = motion.kinematics.frames[number].rotation[pressed]
+    for key, element, side, marker in ends:
         wrenches, strain = motion.kinematics.wrenches(element)[pressed], motion.kinematics.strain(element)[0][pressed]
         flat = np.einsum("tkb,tba->tka", wrenches[:, side].reshape(-1, 2, 3), R).reshape(-1, 6)
         own_yields = np.einsum("nak,nam->km", loaded[marker].columns(len(all_nodes), np.eye(3)), yields)
         moved = felt @ own_yields.T + np.einsum("tna,nak->tk", forces[pressed], body.points.yields[marker])
-        stretch = np.linalg.norm(flat[:, :3], axis=1) * np.abs(strain[:, 0])
-        if isinstance(element, SixAxisSpring):
+        if isinstance(element, PointSpring):
+            stretch = np.abs(element.law.forces(strain[:, 0], np.zeros(len(strain))) * strain[:, 0])
+        elif isinstance(element, SixAxisSpring):
             n = strain.shape[1]
             stretch = np.einsum("ti,ij,tj->t", strain, element.K[:n, :n], strain)
         unfelt = np.abs((flat * moved).sum(axis=1)).sum()
-        if unfelt > UNFELT * stretch.sum():
+        if unfelt > UNFELT * stretch.sum() > 0.0:  # none of dampers
             yield (
-                f"{kind}.{name}: what forces deflect at {body.body}.{marker} beside the modes is "
+                f"{key}: what forces deflect at {body.body}.{marker} beside the modes is "
                 f"{unfelt / stretch.sum():.0%} of its stretch, which it doesn't feel; more modes, or "
                 f"body.{body.body}.modes.enrich = 'inertia', have it"
             )
