@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[2] / "pipeline" / "fmd"
 @dataclass(frozen=True)
 class Inside(Table):
     weights: Array
+    degree: int = 0
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ def _read(p: Outside, out: Array) -> None:
 
 def made() -> Outside:
     cube = np.random.default_rng(4).normal(size=(2, 3, 5))
-    return Outside(-2.5, True, 7, np.array([3, 9]), cube, Inside(np.arange(5.0)))
+    return Outside(-2.5, True, 7, np.array([3, 9]), cube, Inside(np.arange(5.0), 2))
 
 
 def expected(p: Outside) -> list[float]:
@@ -125,6 +126,7 @@ def test_a_renewed_table_can_be_renewed_and_pickled() -> None:
     for other in (copy.renewed(), pickle.loads(pickle.dumps(copy))):
         assert other.numbers.tolist() == [3, 5]
         assert (other.scale, other.flag, other.count) == (-2.5, True, 7)
+        assert other.inside.degree == 2  # not what its class has by default
 
 
 def test_a_table_has_no_other_members() -> None:

@@ -37,6 +37,7 @@ class _Plan(NamedTuple):
     offsets: IntArray  # of each array in the content [bytes]
     first: dict[str, int]  # word of the content at which each array begins
     tables: dict[str, tuple[int, Table]]  # numbers of the words that are tables' addresses, and these
+    plain: dict[str, float]  # numbers, of which the class may have others as defaults
 
 
 class Table:
@@ -91,6 +92,7 @@ class Table:
         words[plan.pointers] = plan.offsets + (address_of(block) + _WORD * first)
         copy = object.__new__(type(self))
         known = copy.__dict__
+        known |= plan.plain
         for name, (word, table) in plan.tables.items():
             known[name] = table.renewed()
             words[word] = known[name].address
@@ -116,6 +118,7 @@ class Table:
     def _plan(self) -> _Plan:
         first: dict[str, int] = {}
         tables: dict[str, tuple[int, Table]] = {}
+        plain = {name: x for name, x in self._members.items() if not isinstance(x, np.ndarray | Table)}
         pointers, pieces, word, size = [], [np.zeros(0, dtype=np.int64)], 0, 0
         for name, x in self._members.items():
             if isinstance(x, np.ndarray):
@@ -128,7 +131,7 @@ class Table:
             word += 1 + x.ndim if isinstance(x, np.ndarray) else 1
         offsets = _WORD * np.array([*first.values()], dtype=np.int64)
         at = np.array(pointers, dtype=np.int64)
-        return _Plan(self._words.copy(), np.concatenate(pieces), at, offsets, first, tables)
+        return _Plan(self._words.copy(), np.concatenate(pieces), at, offsets, first, tables, plain)
 
 
 def address_of(x: Array | IntArray) -> int:
