@@ -116,8 +116,7 @@ class Table:
 
     @cached_property
     def _plan(self) -> _Plan:
-        first: dict[str, int] = {}
-        tables: dict[str, tuple[int, Table]] = {}
+        first, tables = dict[str, int](), dict[str, tuple[int, Table]]()
         plain = {name: x for name, x in self._members.items() if not isinstance(x, np.ndarray | Table)}
         pointers, pieces, word, size = [], [np.zeros(0, dtype=np.int64)], 0, 0
         for name, x in self._members.items():

@@ -118,9 +118,7 @@ def _spring_faults(run: Pipeline, body: TouchingBody) -> Iterator[str]:
     """
     motion, part = run.motion, run.parts[body.body]
     forces, pressed = _pressed_times(motion, body)
-    given = [
-        (f"{kind}.{name}", own.between) for kind, table in run.scene.elements.items() for name, own in table.items()
-    ]
+    given = [(f"{kind}.{key}", at.between) for kind, table in run.scene.elements.items() for key, at in table.items()]
     ends = [
         (key, element, side, end.partition(".")[2])
         for (key, between), element in zip(given, motion.mechanism.elements, strict=False)  # gears' teeth come last
@@ -146,8 +144,7 @@ def _spring_faults(run: Pipeline, body: TouchingBody) -> Iterator[str]:
         if isinstance(element, PointSpring):
             stretch = np.abs(element.law.forces(strain[:, 0], np.zeros(len(strain))) * strain[:, 0])
         elif isinstance(element, SixAxisSpring):
-            n = strain.shape[1]
-            stretch = np.einsum("ti,ij,tj->t", strain, element.K[:n, :n], strain)
+            stretch = np.einsum("ti,ij,tj->t", strain, element.K[: strain.shape[1], : strain.shape[1]], strain)
         unfelt = np.abs((flat * moved).sum(axis=1)).sum()
         if unfelt > UNFELT * stretch.sum() > 0.0:  # none of dampers
             yield (
