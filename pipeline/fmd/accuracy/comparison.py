@@ -15,11 +15,12 @@ from fmd.accuracy.time_limit import TIME_IS_SHORT, LeftOutError, TimeLimit
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, StabilityError
 from fmd.core.limits import errors as limits
-from fmd.core.limits.stepping import IMPLICIT_STEPS_IN_ACTION
+from fmd.core.limits.stepping import FINEST_TOLERANCE, IMPLICIT_STEPS_IN_ACTION
 from fmd.integrators.automatic import Automatic
 from fmd.integrators.exponential import PiecewiseExponential
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.protocol import Integrator, Trajectory
+from fmd.integrators.runge_kutta import RungeKutta
 from fmd.recovery.motion import Motion
 from fmd.recovery.stress import choose_frames
 from fmd.stages.pipeline import Pipeline
@@ -192,9 +193,10 @@ def change_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
     if isinstance(method, PiecewiseExponential):  # its errors fall by the third power where they are worst
         return replace(method, step=method.step / 2, least=2 * method.least), 1 - 0.5**3
     if not method.step:
-        return replace(
-            method, tolerance=max(limits.FINER_TOLERANCE * method.tolerance, 3e-14)
-        ), 1 - limits.FINER_TOLERANCE
+        method = replace(method, tolerance=max(limits.FINER_TOLERANCE * method.tolerance, FINEST_TOLERANCE))
+        if isinstance(method, RungeKutta):  # where its reach bounds the steps, the fastest vibrations die away in them
+            method = replace(method, reach=method.reach / 2)
+        return method, 1 - limits.FINER_TOLERANCE
     order = method.order(plan.system)
     if seconds < limits.SHORT_SECONDS or not 8 * method.step < method.largest_step(plan.system):
         return replace(method, step=method.step / 2), 1 - 0.5**order
