@@ -46,9 +46,6 @@ class PlaceQuantity(Quantity):
         """Distances from the first place [m], (n_times,)."""
         return np.asarray(np.linalg.norm(self.values - self.values[0], axis=1))
 
-    def _apart(self, other: Quantity) -> float:
-        return float(np.linalg.norm(self.values - other.values, axis=1).max())
-
 
 def detail_quantities(scene: Scene, motion: Motion) -> Quantities:
     """Compute force and moment of each joint, and places, rates and accelerations, at many of the output times.

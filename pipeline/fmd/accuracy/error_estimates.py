@@ -7,7 +7,7 @@ computation, the error of the finer one is their difference over ``R − 1``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -77,7 +77,7 @@ class Quantity:
     def _apart(self, other: Quantity) -> float:
         if self.largest:
             return abs(self.scale - other.scale)
-        return float(replace(self, values=self.values - other.values).sizes.max())
+        return Quantity("", "", self.values - other.values).scale
 
 
 class OrientationQuantity(Quantity):

@@ -11,7 +11,6 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, StabilityError
 from fmd.core.limits import stepping as limits
-from fmd.core.limits.errors import OF_TOLERANCE
 from fmd.dynamics.system import System
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.exponential import PiecewiseExponential
@@ -128,32 +127,19 @@ class Automatic(Integrator):
                 if isinstance(outcome, StabilityError):
                     system.explain_failure(outcome)
                 report.add_failure(outcome)
-            last = found[-1]
-            if agreed and isinstance(last, Trajectory) and self._holds(last, marches, system, some, report, progress):
-                return self._own(last, marches.methods[-1], report)
+            last, method = found[-1], marches.methods[-1]
+            if not (agreed and isinstance(last, Trajectory)):
+                continue
+            if isinstance(method, RungeKutta) and last.evaluations <= limits.FEW_EVALUATIONS:  # which gain by chance
+                tolerance = max(limits.THIRD_TOLERANCE * method.tolerance, limits.FINEST_TOLERANCE)
+                third = replace(marches, methods=(RungeKutta(tolerance, method.reach / limits.NEARLY),))
+                (closer,), _ = march_in_turn(third.functions(system, q0, v0, some, some), progress)
+                if isinstance(closer, Trajectory) and not report.holds_beside(closer, last, method.tolerance):
+                    continue
+            return self._own(last, method, report)
         if report.failure and (report.failures > 1 or np.isinf(report.difference)):
             raise report.failure
         raise AccuracyError(f"{self.name}: {self._say_what_differs(system, report)}")
-
-    def _holds(
-        self,
-        last: Trajectory,
-        marches: _Marches,
-        system: System,
-        some: Array,
-        report: Pairs,
-        progress: Progress | None,
-    ) -> bool:
-        """Return true unless a third march tells that few Runge–Kutta steps, which gain by chance, are too far off."""
-        method = marches.methods[-1]
-        if not isinstance(method, RungeKutta) or last.evaluations > limits.FEW_EVALUATIONS or marches.start is None:
-            return True
-        tolerance = max(limits.THIRD_TOLERANCE * method.tolerance, limits.FINEST_TOLERANCE)
-        try:
-            third = RungeKutta(tolerance, method.reach / limits.NEARLY).resume(system, marches.start, some, progress)
-        except AccuracyError:
-            return True
-        return report.holds_beside(third, last, OF_TOLERANCE * method.tolerance)
 
     def _own(self, march: Trajectory, chosen: Integrator, report: Pairs) -> Trajectory:
         """Return a march that agrees with the one before as this method's own."""

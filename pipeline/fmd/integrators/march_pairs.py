@@ -9,6 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
+from fmd.core.limits.errors import OF_TOLERANCE
 from fmd.core.limits.stepping import FEWEST_TIMES, MARGIN, MOST_TIMES, OF_RATES, STAYS, STILL_GROUP, THIRD_TOLERANCE
 from fmd.dynamics.system import System
 from fmd.integrators.protocol import Trajectory
@@ -93,16 +94,16 @@ class Pairs:
         self.parting = None if agreed else self._part(before, trajectory, believed * self.error)
         return agreed
 
-    def holds_beside(self, third: Trajectory, last: Trajectory, least: float) -> bool:
-        """Take the last march's error, at least so much, from one of a finer tolerance; return true if it is allowed.
+    def holds_beside(self, third: Trajectory, last: Trajectory, tolerance: float) -> bool:
+        """Take the error of the last march, by a tolerance, from one by `THIRD_TOLERANCE` of it; true if it is allowed.
 
         The third march may have a part of the output times only.
         """
         self.seconds, self.evaluations = self.seconds + third.seconds, self.evaluations + third.evaluations
-        self.difference = max(self._apart(third, last) / (1.0 - THIRD_TOLERANCE), least)
-        holds = self.difference < self.error
-        self.parting = None if holds else self._part(third, last, (1.0 - THIRD_TOLERANCE) * self.error)
-        return holds
+        self.difference = max(self._apart(third, last) / (1.0 - THIRD_TOLERANCE), OF_TOLERANCE * tolerance)
+        agreed = self.difference < self.error
+        self.parting = None if agreed else self._part(third, last, (1.0 - THIRD_TOLERANCE) * self.error)
+        return agreed
 
     def _part(self, before: Trajectory, after: Trajectory, allowed: float) -> Parting | None:
         """Return where a march parts from the one before by more than what is allowed."""
