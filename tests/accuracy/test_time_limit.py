@@ -21,6 +21,7 @@ from fmd.accuracy.time_limit import LeftOutError, TimeLimit
 from fmd.accuracy.truncation import _work_of_vibrations, require_start
 from fmd.core import clock
 from fmd.core.cache import Cache
+from fmd.core.errors import AccuracyError
 from fmd.core.progress import interrupted_by
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.runge_kutta import RungeKutta
@@ -104,6 +105,23 @@ def test_a_budget_without_time_names_what_it_left_out_and_is_not_kept(tmp_path) 
     kept = Pipeline(load_scene("beam-paper", BEAM), Cache(tmp_path))
     assert state_errors(kept, 1e-9) == whole
     assert ERROR_BUDGET.name in kept.log.cached
+
+
+@pytest.mark.parametrize("source", ["_otherwise_across", "_otherwise_coarse"])
+def test_a_motion_whose_march_by_another_mesh_fails_has_no_stated_error(
+    monkeypatch: pytest.MonkeyPatch, source: str
+) -> None:
+    """The shift of frequencies alone was stated: a third of the true error of a body beside one that hits a stop."""
+
+    def fail(*_: object) -> None:
+        raise AccuracyError("its steps are too long")
+
+    estimates = Estimates(Pipeline(load_scene("beam-paper", BEAM), Cache(None)), TimeLimit())
+    for name in ("_march_shift", "_otherwise_across", "_otherwise_coarse"):
+        monkeypatch.setattr(estimates, name, fail if name == source else lambda *_: {})
+    estimates.pair, estimates._across = estimates._coarse_pair(), estimates._pair_across()
+    estimates._discretisation({})
+    assert estimates._shifts_and_shapes() == dict.fromkeys(estimates.of_motion, "not estimated: its steps are too long")
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ extrapolated from two motions; so the frequencies are, and the motion is compute
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -49,6 +50,7 @@ class Estimates(Comparison):
         self._shifts: dict[str, float] = {}  # changes of the motion by shifted frequencies
         self._across: Pair | None = None  # the run and its scene with more elements from side to side
         self._shapes: dict[str, float] = {}  # errors by shapes of the mesh
+        self._no_shapes: dict[str, float | str] = {}  # why there are none, of each quantity of the motion
         self._by_recovery: set[str] = set()  # stresses whose recovery another mesh tells nothing of
 
     def by_source(self) -> dict[str, dict[str, float | str]]:
@@ -192,8 +194,8 @@ class Estimates(Comparison):
                 self.correct(f"{name}, frequency {k + 1}", -float(share) * self.run.parts[name].modes.frequencies_hz[k])
         errors |= self._within_limit("discretisation", lambda: self._march_shift(self._excess, _SHIFTS[0]))
         if self._across is not None:
-            across = self._across
-            self._within_limit("discretisation, shapes across", lambda: self._otherwise_across(across))
+            shapes = partial(self._otherwise_across, self._across)
+            self._no_shapes |= self._within_limit("discretisation, shapes across", shapes)
         if isinstance(pair, str):  # the shape of a mesh that is given is that of its elements
             given = (name for name, part in self.run.parts.items() if not part.shape.resized(0.5))
             return errors | {f"{name}, mass": NO_PART for name in given}
@@ -202,7 +204,7 @@ class Estimates(Comparison):
             if quantity.kind == "geometry":
                 errors[name] = quantity.change(masses[name]) / abs(pair.gains["geometry"])
                 self.correct(name, (quantity.scale - masses[name].scale) / pair.gains["geometry"])
-        self._within_limit("discretisation, shapes", lambda: self._otherwise_coarse(pair, recovery))
+        self._no_shapes |= self._within_limit("discretisation, shapes", lambda: self._otherwise_coarse(pair, recovery))
         return errors
 
     def _coarse_pair(self) -> Pair | str:
@@ -294,8 +296,9 @@ class Estimates(Comparison):
     def _places(self) -> dict[str, Array]:
         return {name: part.element_places for name, part in self.run.parts.items() if part.elements}
 
-    def _shifts_and_shapes(self) -> dict[str, float]:
-        return {name: math.hypot(shift, self._shapes.get(name, 0.0)) for name, shift in self._shifts.items()}
+    def _shifts_and_shapes(self) -> dict[str, float | str]:
+        both = {name: math.hypot(shift, self._shapes.get(name, 0.0)) for name, shift in self._shifts.items()}
+        return both | self._no_shapes
 
     def _recovery(self) -> dict[str, float | str]:
         """Estimate the error of stress recovery by a patch of elements at the worst node.
