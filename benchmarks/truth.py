@@ -115,18 +115,16 @@ def run_case(case: Case, folder: Path) -> tuple[Row, Pipeline | None]:
     return row, run
 
 
-def reference_errors(case: Case, run: Pipeline, file: Path) -> dict[str, tuple[float, float]]:
-    """Return the true error of each quantity, and the reference's own, in the quantity's unit."""
+def reference_errors(case: Case, run: Pipeline, file: Path) -> dict[str, tuple[float, float, float]]:
+    """Return the true error of each quantity and the reference's own, as shares of its scale, and this scale."""
     if case.kind not in APART:
         pairs = compared_quantities(run, finer_run(file, case, run), details=True)
-        return {name: (own.error(exact) * exact.scale, 0.0) for name, (own, exact) in pairs.items()}
+        return {name: (own.error(exact), 0.0, exact.scale) for name, (own, exact) in pairs.items()}
     exact, off = APART[case.kind](case)
     ours = motion_quantities(run.motion, run.fine_motion) | detail_quantities(run.scene, run.motion)
     ours |= stress_quantities(run, run.motion, np.arange(len(run.motion.times)))
     return {
-        name: (ours[name].error(each) * each.scale, off[name] * each.scale)
-        for name, each in exact.items()
-        if is_compared(each, ours)
+        name: (ours[name].error(each), off[name], each.scale) for name, each in exact.items() if is_compared(each, ours)
     }
 
 
@@ -158,10 +156,10 @@ def judge(case: Case, folder: Path, told: Callable[[Row], None] = lambda row: No
         row.outcome, row.said = "no reference", f"{type(error).__name__}: {error}"
         return row
     worst, ratios = -1.0, []
-    for name, (size, off_size) in true.items():
-        if name not in stated or size <= ROUND_OFF * whole[name]:
+    for name, (*shares, scale) in true.items():
+        if name not in stated or shares[0] * scale <= ROUND_OFF * whole[name]:
             continue
-        error, off = (each / (whole[name] or size) for each in (size, off_size))
+        error, off = (each * scale / (whole[name] or scale) for each in shares)
         if name in open_:
             row.bounded += 1
             continue

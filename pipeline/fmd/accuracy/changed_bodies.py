@@ -1,6 +1,7 @@
 """Bodies of other frequencies or fewer shapes, in coordinates of their own, for computations beside a run's."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -65,17 +66,9 @@ def _combined(body: FlexibleBody, weights: Array, omega: Array) -> FlexibleBody:
     full = np.zeros((len(weights) + 1, len(omega) + 1))
     full[0, 0], full[1:, 1:] = 1.0, weights
     integrals = body.integrals
-    stiffening, displacement2, rotation2 = (
-        _in_new(forms, weights) for forms in (integrals.stiffening, integrals.displacement2, integrals.rotation2)
-    )
-    integrals = replace(
-        integrals,
-        G=full.T @ integrals.G @ full,
-        S=integrals.S @ full,
-        stiffening=stiffening,
-        displacement2=displacement2,
-        rotation2=rotation2,
-    )
+    second_order = ("stiffening", "displacement2", "rotation2")
+    forms: dict[str, Any] = {name: _in_new(getattr(integrals, name), weights) for name in second_order}
+    integrals = replace(integrals, G=full.T @ integrals.G @ full, S=integrals.S @ full, **forms)
     markers = {
         name: replace(
             marker,
@@ -85,13 +78,7 @@ def _combined(body: FlexibleBody, weights: Array, omega: Array) -> FlexibleBody:
         )
         for name, marker in body.markers.items()
     }
-    return replace(
-        body,
-        omega=omega,
-        shapes=body.shapes @ weights,
-        markers=markers,
-        integrals=integrals,
-    )
+    return replace(body, omega=omega, shapes=body.shapes @ weights, markers=markers, integrals=integrals)
 
 
 def _in_new(forms: Array, weights: Array) -> Array:

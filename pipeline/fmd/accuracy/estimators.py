@@ -142,13 +142,8 @@ class Estimates(Comparison):
         if not names:
             return {}
         rows = [row for row in self.of_mesh if row.startswith(tuple(f"{name}, frequency" for name in names))]
-        most = max(len(self.run.parts[name].modes.omega) for name in names)
-        free = {
-            "boundary": "free",
-            "interface": (),
-            "enrich": "none",
-            "count": math.ceil(limits.MORE_COARSE_MODES * most),
-        }
+        most = math.ceil(limits.MORE_COARSE_MODES * max(len(self.run.parts[name].modes.omega) for name in names))
+        free = {"boundary": "free", "interface": (), "enrich": "none", "count": most}
         scene = change_modes(self.run.scene, lambda body: free if body.modes.boundary == "interface" else {})
         others, found = self.run.variant(scene).parts, dict[str, float | str]()
         try:

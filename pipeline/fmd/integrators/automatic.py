@@ -242,18 +242,14 @@ class Automatic(Integrator):
 
         Else two marches by the longest stable steps would agree that both lose the fastest vibrations.
         """
-        for k, tolerance in enumerate(self._tolerances(_FINER[method])):
+        tolerances = [max(self.error * limits.FIRST_TOLERANCE, limits.FINEST_TOLERANCE)]
+        while tolerances[-1] > 2 * limits.FINEST_TOLERANCE:  # which comes once: twice it would agree with itself
+            tolerances.append(max(_FINER[method] * tolerances[-1], limits.FINEST_TOLERANCE))
+        for k, tolerance in enumerate(tolerances):
             if method is RungeKutta:
                 yield RungeKutta(tolerance, DAMPED / limits.NEARLY**k)
             else:
                 yield ExponentialRosenbrock(tolerance, most_steps)
-
-    def _tolerances(self, finer: float) -> list[float]:
-        """Return tolerances from coarse to the finest one, which comes once: twice it would agree with itself."""
-        found = [max(self.error * limits.FIRST_TOLERANCE, limits.FINEST_TOLERANCE)]
-        while found[-1] > 2 * limits.FINEST_TOLERANCE:
-            found.append(max(finer * found[-1], limits.FINEST_TOLERANCE))
-        return found
 
     def _exponential_methods(
         self, system: System, n_compared: int, n_outputs: int, report: Pairs
