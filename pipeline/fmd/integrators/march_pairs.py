@@ -95,10 +95,7 @@ class Pairs:
         return agreed
 
     def holds_beside(self, third: Trajectory, last: Trajectory, tolerance: float) -> bool:
-        """Take the error of the last march, by a tolerance, from one by `THIRD_TOLERANCE` of it; true if it is allowed.
-
-        The third march may have a part of the output times only.
-        """
+        """Take the last march's error from one of a finer tolerance, at its times; return true if it is allowed."""
         self.seconds, self.evaluations = self.seconds + third.seconds, self.evaluations + third.evaluations
         self.difference = max(self._apart(third, last) / (1.0 - THIRD_TOLERANCE), OF_TOLERANCE * tolerance)
         agreed = self.difference < self.error
