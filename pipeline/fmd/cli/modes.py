@@ -57,5 +57,11 @@ def _print_frequencies(result: dict[str, Any]) -> None:
             f"; factor by {factor['solver']} in {factor['order']} order, {factor['nonzeros'] / 1e6:.3g} million "
             f"nonzeros of {factor['unknowns']} unknowns, {factor['memory'] / 1e6:.3g} MB"
         )
-    open_console().print(line)
+    console = open_console()
+    console.print(line)
+    warned = " ".join(warning["text"] for warning in result["warnings"])
+    for name, body in result["bodies"].items():
+        for note in body["mesh_notes"]:
+            if note.removeprefix("mended: ") not in warned:
+                console.print(f"mesh of {name}: {note}")
     print_warnings(result["warnings"])

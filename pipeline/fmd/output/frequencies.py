@@ -48,12 +48,13 @@ def frequency_table(run: Pipeline) -> dict[str, Any]:
 
 
 def frequencies_by_body(run: Pipeline) -> dict[str, dict[str, Any]]:
-    """Gather the frequencies of each flexible body's modes [Hz] as ``frequencies_hz``, and of which ``boundary``."""
+    """Gather each flexible body's ``frequencies_hz``, of which ``boundary``, and the ``mesh_notes`` on its file."""
     divided = run.division.divided
     return {
         name: {
             "frequencies_hz": (divided[name].frequencies_hz if name in divided else part.modes.frequencies_hz).tolist(),
             "boundary": _name_boundary(part, name in divided),
+            "mesh_notes": list(part.mesh_notes),
         }
         for name, part in run.wholes.items()
     }

@@ -365,7 +365,6 @@ def _body(run: Pipeline, name: str) -> dict[str, Any]:
         "coupling": max(body.coupling for body in bodies),
         "prescribed": run.parts[pieces[0]].joint.prescribed,
         "mass_kg": sum(body.integrals.mass for body in bodies),
-        "mesh_notes": list(run.wholes[name].mesh_notes),
         "largest_spin_rad_s": max(spin.largest_rate for spin in spins),
         "critical_spin_rad_s": critical if np.isfinite(critical) else None,
         "stiffened": any(spin.stiffened for spin in spins),

@@ -13,6 +13,7 @@ from fmd.fem.formats.import_mesh import read_mesh
 from fmd.fem.formats.import_shell import GivenSections
 from fmd.fem.material import Material
 from fmd.reduction.eigen import FreeBodySolver
+from tests.fem.formats.test_ansys import elements, nodes
 from tests.fem.formats.test_import_shell import write_abaqus, write_nastran
 from tests.fem.sheets import shell_mesh, unit_grid
 
@@ -125,6 +126,32 @@ def test_flat_shells_with_middles_are_a_mesh_of_half_the_size(
     other = read_structure(tmp_path / "flat.bdf", 1.0, GivenSections())
     assert np.sort(other.points, axis=0) == pytest.approx(
         np.sort(mesh.points, axis=0) + np.array([0, 0, 0.002]), abs=1e-6
+    )
+
+
+@pytest.mark.parametrize("program", ["ansys", "gmsh"])
+@pytest.mark.parametrize("element", ["triangle", "quadrilateral"])
+def test_other_programs_flat_shells_with_middles_are_a_mesh_of_half_the_size(
+    tmp_path: Path, program: str, element: str
+) -> None:
+    """SHELL281, whose triangles repeat a node, and Gmsh's types 9 and 16 of MSH 2.2."""
+    p, cells = with_middles(2, element)
+    x, n = np.column_stack([p, 0 * p[:, 0]]), cells.shape[1]
+    path = tmp_path / {"ansys": "flat.cdb", "gmsh": "flat.msh"}[program]
+    if program == "ansys":
+        order = [0, 1, 2, 2, 3, 4, 2, 5] if n == 6 else range(8)
+        deck = [*nodes(x), "ET,1,281", *elements(cells[:, order] + 1, 1)]
+    else:
+        rows = [f"{k} {9 if n == 6 else 16} 2 1 1 " + " ".join(map(str, own + 1)) for k, own in enumerate(cells, 1)]
+        deck = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$Nodes", str(len(x))]
+        deck += [*(f"{k} {a} {b} {c}" for k, (a, b, c) in enumerate(x, 1)), "$EndNodes"]
+        deck += ["$Elements", str(len(rows)), *rows, "$EndElements"]
+    path.write_text("\n".join(["/PREP7", *deck, "FINISH", ""] if program == "ansys" else deck))
+    found = read_structure(path, 1.0, GivenSections(0.01))
+    four = cells[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]].reshape(-1, 3)
+    q, finer = (p, four) if n == 6 else unit_grid(4, 4, "quadrilateral")
+    assert frequencies(found) == pytest.approx(
+        frequencies(shell_mesh(np.column_stack([q, 0 * q[:, 0]]), finer, 0.01)), rel=1e-8
     )
 
 

@@ -118,6 +118,26 @@ def test_a_frame_is_the_same_from_nastran_and_abaqus(tmp_path: Path, name: str) 
     assert found.points[found.faces["ROOT"]].mean(axis=0) == pytest.approx(0.0, abs=1e-9)
 
 
+def test_beams_of_three_nodes_are_two_of_two(tmp_path: Path) -> None:
+    """Sets have both, by ELSET, by numbers and by ranges; the orientation is that of the whole."""
+    deck = abaqus(tmp_path / "b.inp", ("RECT", "4, 6")).read_text()
+    middles = [f"{k}, {a}, {b}, {c}" for k, (a, b, c) in enumerate(X[ENDS].mean(axis=1), start=100)]
+    deck = deck.replace("*NODE", "\n".join(["*NODE", *middles]))
+    deck += "\n*ELSET, ELSET=TWO, GENERATE\n1, 2\n*ELSET, ELSET=ONE\n3\n*NSET, NSET=BOTH, ELSET=E1"
+    three, two = deck.replace("=B31", "=B32"), deck
+    for k, (a, b) in enumerate(ENDS + 1, start=1):
+        three = three.replace(f"\n{k}, {a}, {b}\n", f"\n{k}, {a}, {99 + k}, {b}\n")
+        two = two.replace(f"\n{k}, {a}, {b}\n", f"\n{k}, {a}, {99 + k}\n{10 + k}, {99 + k}, {b}\n")
+    (tmp_path / "two.inp").write_text(two)
+    (tmp_path / "three.inp").write_text(three)
+    found, same = (read_beams(tmp_path / f"{name}.inp", 1e-3) for name in ("three", "two"))
+    assert frequencies(found) == pytest.approx(frequencies(same), rel=1e-9)
+    assert len(found.parts["ONE"]) == len(found.parts["E1"]) == len(same.parts["E1"])
+    assert len(found.parts["TWO"]) == 2 * len(found.parts["ONE"])
+    assert len(found.faces["BOTH"]) == len(same.faces["BOTH"]) > 3 * len(found.faces["ROOT"])
+    assert found.notes == (f"beams of three nodes, two of two nodes in place of each: {len(ENDS)}",)
+
+
 def test_a_circle_is_by_abaqus_radius_which_is_said_or_by_calculix_two_diameters(tmp_path: Path) -> None:
     """CalculiX 2.20 has 1375.3 Hz for 200 mm of free steel by CIRC 12: slender theory has 1381.3 for 12 mm across."""
     by_radius = read_beams(abaqus(tmp_path / "a.inp", ("CIRC", "12")), 1e-3)

@@ -191,8 +191,10 @@ def _take_elements(deck: Deck, options: dict[str, str], data: list[list[str]]) -
         if len(entries) > n_local:  # an element may take several lines
             if len(entries) > n_local + 1:
                 raise MeshFileError(f"element {entries[0]} has more than the {n_local} nodes of a {name}")
-            block.numbers.append(entries[0])
-            block.nodes += entries[1:]
+            number, *nodes = entries
+            halves = n_local == 3 and kind == "line"  # nodes are an end, the middle, the other end
+            block.numbers += [number, -number] if halves else [number]
+            block.nodes += [*nodes[:2], *nodes[1:]] if halves else nodes
             entries = []
     if entries:
         raise MeshFileError(f"element {entries[0]} has fewer than the {n_local} nodes of a {name}")
@@ -228,8 +230,7 @@ def _cell_kind(name: str) -> tuple[str, int]:
         n_local = int(match[1][0])  # STRI65 has 6, S4R5 4
         return (_PLANE_CELLS[n_local], n_local) if n_local in _PLANE_CELLS else ("", 0)
     if _LINE.fullmatch(name):
-        n_local = 3 if re.match(r"B[23]2|PIPE[23]2|T[23]D3", name) else 2
-        return ("line3", 3) if n_local == 3 else ("line", 2)
+        return "line", 3 if re.match(r"B[23]2|PIPE[23]2|T[23]D3", name) else 2
     return "", 0
 
 

@@ -26,7 +26,7 @@ class Block:
 
     kind: str
     name: str  # in the deck
-    numbers: list[int] = field(default_factory=list)
+    numbers: list[int] = field(default_factory=list)  # the second half of a line of three nodes has it negative
     nodes: list[int] = field(default_factory=list)
 
 
@@ -126,7 +126,7 @@ class Deck:
         lines = [b for b, (kind, cells) in enumerate(raw.blocks) if kind == "line" and len(cells)]
         numbers = [block.numbers for block in self.blocks if block.numbers]
         found = {
-            (b, k): BeamElement(f"element {numbers[b][k]}", "", np.zeros(0), np.zeros((2, 3)))
+            (b, k): BeamElement(f"element {abs(numbers[b][k])}", "", np.zeros(0), np.zeros((2, 3)))
             for b in lines
             for k in range(len(raw.blocks[b][1]))
         }
@@ -135,6 +135,8 @@ class Deck:
             for b in lines:
                 for k in raw.cell_sets.get(name, [np.zeros(0, int)] * (b + 1))[b].tolist():
                     found[b, k] = found[b, k]._replace(section=name, towards=towards)
+        if n := sum(own < 0 for b in lines for own in numbers[b]):
+            self.beams.notes.append(f"beams of three nodes, two of two nodes in place of each: {n}")
         self.beams.elements = list(found.values())
         return self.beams
 
@@ -198,6 +200,7 @@ class Deck:
                 if inner not in sets:
                     raise MeshFileError(f"set {name} names {item}, which isn't there")
                 numbers |= self._members(inner, sets, known, (*above, name))
+        numbers |= {-n for n in numbers if -n in known}
         sets[name] = [*numbers, *(item for item in sets[name] if isinstance(item, str) and item.startswith("elset "))]
         return numbers
 
