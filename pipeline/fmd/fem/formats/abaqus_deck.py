@@ -22,11 +22,11 @@ Item = int | str | range  # of a set: a number, another set's name, a range
 
 @dataclass
 class Block:
-    """Elements of one section: their numbers, and the nodes of all one after the other."""
+    """Elements of one section: numbers, negative of a line's second half, and the nodes of all one after the other."""
 
     kind: str
     name: str  # in the deck
-    numbers: list[int] = field(default_factory=list)  # the second half of a line of three nodes has it negative
+    numbers: list[int] = field(default_factory=list)
     nodes: list[int] = field(default_factory=list)
 
 

@@ -132,7 +132,7 @@ def _with_nodes(raw: RawMesh, around: IntArray, first: int) -> RawMesh:
 def _divided(raw: RawMesh, chosen: Sequence[int]) -> RawMesh:
     """Return a mesh with four shells in place of each of some blocks, all of which have nodes between their corners."""
     points, blocks, given = [raw.points], list(raw.blocks), list(raw.shells)
-    around, parents, children = [np.zeros((0, 8), dtype=np.int64)], [], []
+    around, four_of = [np.zeros((0, 8), dtype=np.int64)], dict[tuple[int, ...], IntArray]()  # by a shell's corners
     n_points = len(raw.points)
     for b in chosen:
         kind, cells = raw.blocks[b]
@@ -145,8 +145,7 @@ def _divided(raw: RawMesh, chosen: Sequence[int]) -> RawMesh:
             t = np.concatenate([t, t @ _CENTRE[:, None]], axis=1)
             n_points += len(cells)
         four = cells[:, _FOUR[n]]
-        parents.append(three_corners(cells[:, :n]))
-        children.append(four)
+        four_of |= zip(map(tuple, three_corners(cells[:, :n]).tolist()), four, strict=True)
         blocks[b] = kind.rstrip("689"), four.reshape(-1, n)
         if given:
             of, at_nodes = given[b], t[:, _FOUR[n]].reshape(-1, n)
@@ -154,17 +153,12 @@ def _divided(raw: RawMesh, chosen: Sequence[int]) -> RawMesh:
             given[b] = BlockShells(at_nodes, offset, np.repeat(of.stack, 4), direction)
 
     def split(facets: IntArray) -> IntArray:
-        keys = three_corners(facets)
-        left, found = np.ones(len(facets), dtype=bool), []
-        for own, four in zip(parents, children, strict=True):
-            rows, number = np.unique(np.concatenate([own, keys]), axis=0, return_inverse=True)
-            of = np.full(len(rows), -1)
-            of[number.ravel()[: len(own)]] = np.arange(len(own))
-            at = of[number.ravel()[len(own) :]]
-            smaller = four[at[at >= 0]].reshape(-1, four.shape[2])
-            found.append(smaller if facets.shape[1] == four.shape[2] else three_corners(smaller))
-            left &= at < 0
-        return np.concatenate([facets[left], *found])
+        keys = [*map(tuple, three_corners(facets).tolist())]
+        left = facets[[key not in four_of for key in keys]]
+        smaller = [four_of[key] for key in keys if key in four_of]
+        return np.concatenate(
+            [left, *(own if own.shape[1] == facets.shape[1] else three_corners(own) for own in smaller)]
+        )
 
     sets = {
         name: [(4 * own[:, None] + np.arange(4)).ravel() if b in chosen else own for b, own in enumerate(each)]
