@@ -61,19 +61,14 @@ def _make_scene(part: str, path: Path, flexible: tuple[str, ...], assembly: bool
     from fmd.cli.robot_scenes import READERS, write_assembly_scene, write_robot_scene
 
     _require_free(path)  # before the file is read
-    if assembly:
-        text, notes = write_assembly_scene(Path(part), path)
-        for note in notes:
-            open_console().print(note, soft_wrap=True)
-        return text
-    if _is_robot(part):
-        text, notes = write_robot_scene(Path(part), path, flexible)
-        for note in notes:
-            open_console().print(f"not in the scene: {note}", soft_wrap=True)
-        return text
-    if is_cad_file(Path(part)):
-        return write_cad_scene(Path(part), path)
     file = Path(part)
+    if assembly or _is_robot(part):
+        text, notes = write_assembly_scene(file, path) if assembly else write_robot_scene(file, path, flexible)
+        for note in notes:
+            open_console().print(note if assembly else f"not in the scene: {note}", soft_wrap=True)
+        return text
+    if is_cad_file(file):
+        return write_cad_scene(file, path)
     if file.suffix and file.is_file():
         table = f'mesh = {{ file = "{file.name}", unit = "mm" }}'
         mend = f"is no CAD file and no robot; a body has a mesh by {table}, whose faces fmd mesh {part} --unit mm names"
