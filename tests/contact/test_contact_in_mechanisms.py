@@ -8,6 +8,7 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.tangents import Direction, TangentSystem
 from fmd.output.contacts import contact_warnings
 
 ARM: dict[str, Any] = {
@@ -100,6 +101,23 @@ def test_a_loop_gives_the_motion_of_the_same_mechanism_without_one(fallen: Pipel
     )
     momentum = np.abs(run.motion.kinematics.momentum).max()
     assert np.abs(impulse_left(run, "hinge")).max() < 5e-3 * momentum
+
+
+def test_a_loop_in_contact_has_the_tangents_of_its_steps() -> None:
+    """Along rates of the start, beside differences of marches in which the same points close."""
+    run = closed('contact.stop.clearance="15.1 mm"')
+    (plan,), times = run.plans.values(), np.linspace(0.0, 2e-4, 6)
+    system, q, v = plan.marched
+    touching = tuple(0.0 * x for x in system.contact_numbers(v))
+    along = Direction(np.zeros(system.compiled.numbers.shape), [], 0.0 * q, v, contact=touching)
+    both: Any = TangentSystem(system, [along])
+    march = plan.integrator.march(both, *both.join(q, v), times)
+    assert np.abs(both.part_rows(march.contacts)).max() > 0.0
+    sides = [[plan.integrator.march(system, q, (1.0 + side * x) * v, times) for side in (-1, 1)] for x in (2e-5, 1e-5)]
+    for tangents, name in zip(both.part(march.q, march.v), "qv", strict=True):
+        (rough, fine) = ((getattr(b, name) - getattr(a, name)) / 2.0 for a, b in sides)
+        slope = (4.0 * fine / 1e-5 - rough / 2e-5) / 3.0
+        np.testing.assert_allclose(tangents[:, :, 0], slope, rtol=0, atol=1e-6 * np.abs(slope).max())
 
 
 @pytest.mark.parametrize("friction", [pytest.param(0.0, marks=pytest.mark.long), 0.3])

@@ -59,13 +59,8 @@ def held_room(c: ContactTable, lanes: int) -> HeldRoom:
 
 @inner
 def place_beside(near: ContactTable, q: Array, origins: Array, rotations: Array) -> None:
-    """Find where points stand at positions q, with the bodies' frames, and clear what pushes the bodies."""
+    """Find where points stand at positions q, with the bodies' frames."""
     near.state[0] += 1
-    for k in range(near.modal.size):
-        near.modal[k] = 0.0
-    for link in range(near.push.shape[0]):
-        for k in range(6):
-            near.push[link, k] = 0.0
     for s in range(near.slave.size):
         place_surface(near, s, q, origins, rotations)
 

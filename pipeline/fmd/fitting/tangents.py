@@ -97,7 +97,7 @@ def say_what_lacks_tangents(plan: Plan) -> str:
     if system.is_sampled:
         return "sampled controllers"
     if not system.has_tangents:
-        return CONTACT + (" in loops" if system.has_loops else " that loses energy")
+        return f"{CONTACT} that loses energy"
     if not plan.integrator.carries_tangent(system, [system]):
         if system.n_contact_values:
             return f"{CONTACT} by {plan.integrator.name}"

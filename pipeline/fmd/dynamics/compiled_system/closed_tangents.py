@@ -17,9 +17,23 @@ from fmd.core.limits.newton import PROJECTIONS, STALLED
 from fmd.core.limits.round_off import ENLARGED
 from fmd.dynamics.compiled_system.closed import note_pushes, project_positions, project_rates, pull, push
 from fmd.dynamics.compiled_system.parameters import ClosedParameters, CompiledParameters, Leapfrog
-from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, pulled, set_time, take_state
+from fmd.dynamics.compiled_system.tangent_kernels import (
+    TangentParameters,
+    change_pushes,
+    pulled,
+    set_time,
+    take_state,
+)
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.system import accelerations, advance, leapfrog_step, note_held, project, project_onto_constraints
+from fmd.dynamics.system import (
+    accelerations,
+    advance,
+    leapfrog_step,
+    note_held,
+    project,
+    project_onto_constraints,
+    remember_found,
+)
 from fmd.kernels.arrays import clear, copy
 from fmd.kernels.kernel import inner
 from fmd.kernels.vectors import call_native
@@ -82,6 +96,7 @@ def _accelerations(p: ClosedTangentParameters, t: float, q: Array, v: Array, a: 
     whole = p.own.whole
     accelerations(p.own, t, q[: p.n_positions], v[: p.n], a[: p.n])
     copy(whole.multiplier, p.multiplier)
+    change_pushes(p, q, v)
     pulled(p, q, v, p.multiplier, a, a)
     copy(a, p.a_free)
     along = (p.directions, q[p.n_position_lines :], v[p.n_lines :], a[p.n_lines :])
@@ -114,6 +129,7 @@ def _leapfrog_step(
     set_time(p, float(t + h))
     close_positions(p, q, v)
     add_move(p, h, v, a)
+    remember_found(p, t)
 
 
 @inner
@@ -135,6 +151,7 @@ def _leap(p: ClosedTangentParameters, v_now: Array, t: float, h: float, q: Array
         p.rates[i] = v[i]
     advance(p.own, q, v, h, 0, n)
     _project_motion(p, t, h, q, v, a)
+    change_pushes(p, p.q_now, v_now)
     pulled(p, p.q_now, v_now, p.multiplier, a, p.a_pulled)
     for i in range(p.n_lines, v.size):
         a[i] = p.a_pulled[i]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import singledispatch
+from typing import Any
 
 from fmd.core.arrays import Array, IntArray
 from fmd.dynamics.compiled_system.kernels import take_leap
@@ -72,12 +74,30 @@ def _accelerations(p: TangentParameters, t: float, q: Array, v: Array, a: Array)
     pulled(p, q, v, p.multiplier, a, a)
 
 
+@singledispatch
 @inlined
-def pulled(p: TangentParameters, q: Array, v: Array, multiplier: Array, known: Array, a: Array) -> None:
+def change_pushes(p: Any, q: Array, v: Array) -> None:
+    """Find how what contacts push by changes along tangents of the state whose forces were found last."""
+
+
+@singledispatch
+def pulled(p: Any, q: Array, v: Array, multiplier: Array, known: Array, a: Array) -> None:
     """Evaluate accelerations by some multipliers, and their tangents at fixed ones; variants take known ones."""
+    raise NotImplementedError
+
+
+@singledispatch
+def variant_residual(p: Any, k: int, multiplier: Array) -> None:
+    """Evaluate the residual of a variant at its state."""
+    raise NotImplementedError
+
+
+@pulled.register(TangentParameters)
+@inlined
+def _pulled(p: TangentParameters, q: Array, v: Array, multiplier: Array, known: Array, a: Array) -> None:
     dq, dv, da = q[p.n_position_lines :], v[p.n_lines :], a[p.n_lines :]
     if p.variants.any != 0:
-        _change_residual(p, q, v, multiplier, known)
+        change_residual(p, q, v, multiplier, known)
         call_native(p.accelerations, (p.inputs, q, v, multiplier, p.directions, dq, dv, p.dr, a, da))
     else:
         call_native(p.accelerations, (p.inputs, q, v, multiplier, p.directions, dq, dv, a, da))
@@ -92,8 +112,16 @@ def take_state(m: MechanismVariants, k: int, q: Array, v: Array, a: Array) -> No
         m.v[i], m.a[i] = m.signs_v[k, i] * v[i], m.signs_v[k, i] * a[i]
 
 
+@variant_residual.register(TangentParameters)
 @inlined
-def _change_residual(p: TangentParameters, q: Array, v: Array, multiplier: Array, a: Array) -> None:
+def _residual(p: TangentParameters, k: int, multiplier: Array) -> None:
+    m = p.variants
+    call_native(m.residual[k], (m.inputs[k], m.q, m.v, multiplier, m.a, m.r))
+
+
+@inlined
+def change_residual(p: TangentParameters, q: Array, v: Array, multiplier: Array, a: Array) -> None:
+    """Find by what residuals change with variants at accelerations a."""
     m = p.variants
     for i in range(p.n):
         for lane in range(LANES):
@@ -101,7 +129,7 @@ def _change_residual(p: TangentParameters, q: Array, v: Array, multiplier: Array
     for k in range(m.residual.size):
         if m.residual[k] != 0:
             take_state(m, k, q, v, a)
-            call_native(m.residual[k], (m.inputs[k], m.q, m.v, multiplier, m.a, m.r))
+            variant_residual(p, k, multiplier)
             for i in range(p.n):
                 p.dr[i, k // 4] += m.weights[k] * m.signs_v[k, i] * m.r[i]
 

@@ -195,20 +195,24 @@ class TangentSystem(PlainSystem):
             "dr": np.zeros((self._system.n, LANES)),
             "variants": tabulate_variants(self._system, self._directions),
         }
+        trees: Any = TangentParameters
+        loops: Any = ClosedTangentParameters
         if self._system.mechanism.contacts:
-            touching = import_module("fmd.dynamics.compiled_system.touching_tangents").touching_tangents
-            found: TangentParameters = touching(self._system, self._directions, common)
-            return found
+            touching = import_module("fmd.dynamics.compiled_system.touching_tangents")
+            trees, loops = touching.TouchingTangentParameters, touching.TouchingClosedTangentParameters
+            beside = touching.states_beside(self._system, self._directions)
+            common |= {"own": own, "contact": own.contact, "by": beside}
+        found: TangentParameters
         if not isinstance(own, ClosedParameters):
-            return TangentParameters(**common)
+            found = trees(**common)
+            return found
         n_rows = own.w.size
         room: dict[str, Any] = {name: np.zeros(self.n_positions) for name in ("q_now", "moved")}
         room |= {name: np.zeros(self.n) for name in ("v_now", "rates", "a_free", "a_pulled")}
         room |= {name: np.zeros((n_rows, LANES)) for name in ("dg", "drates")}
-        return ClosedTangentParameters(
-            **common,
+        found = loops(
+            **common | {"own": own},
             **room,
-            own=own,
             n_positions=self._system.n_positions,
             q_ahead=np.zeros(self._system.n_positions),
             residuals=compiled.address("residual_tangents"),
@@ -217,6 +221,7 @@ class TangentSystem(PlainSystem):
             none=np.zeros(n_rows),
             w=np.zeros(n_rows),
         )
+        return found
 
     def cycle_tangents(self, h: float, count: int) -> CycleTangents:
         """Fresh storage for a major cycle of so many fast steps h [s]."""

@@ -80,9 +80,9 @@ class TouchingSystem(CompiledSystem):
 
     @property
     def has_tangents(self) -> bool:
-        """True if tangents of a motion can be marched beside it: contacts lose nothing, no loops, nothing samples."""
+        """True if tangents of a motion can be marched beside it: contacts lose nothing, nothing samples."""
         lossy = any(body.is_lossy or body.wears for body in self.mechanism.contacts)
-        return not (self.is_sampled or self.has_loops or lossy)
+        return not (self.is_sampled or lossy)
 
     def contact_numbers(self, signs: Array) -> tuple[Array, ...]:
         """Return `CONTACT_NUMBERS` of all contacts in a row, and nodes' flexibility; modes' shapes have signs (n,)."""

@@ -19,11 +19,25 @@ from fmd.contact.sums import note_values, remember
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.contact import NUMBERS_BESIDE, TOO_LITTLE_BESIDE, WAY_BESIDE
-from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, set_time, take_state
-from fmd.dynamics.compiled_system.touching import CONTACT_NUMBERS, TouchingParameters, TouchingSystem
+from fmd.dynamics.compiled_system.closed_tangents import ClosedTangentParameters
+from fmd.dynamics.compiled_system.tangent_kernels import (
+    TangentParameters,
+    change_pushes,
+    change_residual,
+    pulled,
+    set_time,
+    take_state,
+    variant_residual,
+)
+from fmd.dynamics.compiled_system.touching import (
+    CONTACT_NUMBERS,
+    TouchingClosedParameters,
+    TouchingParameters,
+    TouchingSystem,
+)
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, note_contacts, remember_contacts, remember_found
-from fmd.kernels.arrays import copy
+from fmd.kernels.arrays import clear, copy
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table
 from fmd.kernels.vectors import call_native
@@ -49,13 +63,13 @@ class StatesBeside(Table):
     origins: Array  # the bodies' frames there
     rotations: Array
     spins: Array
-    dorigins: Array  # (8, n_bodies, 3): tangents of these, and of forces on markers, by numbers of the mechanism alone
-    drotations: Array
-    dfelt: Array  # (8, n_touching, most)
-    of_felt: Array  # (n_touching, most), room to work in
+    moving: Array  # (n_moving,): origins, rotations, and forces on markers that the contact has
+    dmoving: Array  # (8 n_moving,): tangents of these by numbers of the mechanism alone, one after the other
     held: HeldRoom
     modal: Array  # (n,): forces of contacts on modes, with a variant's signs
-    dpush: Array  # (6 n_bodies, 8): tangents of what contacts push by
+    forces: Array  # (6 n_bodies + n,): what contacts push frames and modes by, there
+    dforces: Array  # (8 (6 n_bodies + n),): tangents of that, the two lines below in a row
+    dpush: Array  # (6 n_bodies, 8)
     dmodal: Array  # (n, 8)
     row: Array  # (n_values,): what is noted of contacts beside
 
@@ -69,8 +83,17 @@ class TouchingTangentParameters(TangentParameters):
     by: StatesBeside
 
 
-def touching_tangents(system: TouchingSystem, directions: Sequence[Any], common: dict[str, Any]) -> TangentParameters:
-    """Return the parameters of tangents along some directions, of what is common to those of all mechanisms."""
+@dataclass(frozen=True)
+class TouchingClosedTangentParameters(ClosedTangentParameters):
+    """Parameters of a mechanism with loops that touches without losses, and of eight tangents; as of one without."""
+
+    own: TouchingClosedParameters
+    contact: ContactTable
+    by: StatesBeside
+
+
+def states_beside(system: TouchingSystem, directions: Sequence[Any]) -> StatesBeside:
+    """Return room for states beside a motion along some directions."""
     own: Any = system.parameters
     contact, numbers = own.contact, system.contact_numbers(np.ones(system.n))[0]
     views, whole, at = dict[str, Array](), numbers.copy(), 0
@@ -78,7 +101,11 @@ def touching_tangents(system: TouchingSystem, directions: Sequence[Any], common:
         x = getattr(contact, name)
         views[name], at = whole[at : at + x.size].reshape(x.shape), at + x.size
     views |= {name: np.zeros(1) for name in ("D", "N", "L", "P", "M", "known_response")}  # which only the own have
-    views["G"] = np.zeros((1, 1, 3, 3))
+    n_bodies, n = len(own.origins), system.n
+    moving, forces = np.zeros(12 * n_bodies + contact.felt.size), np.zeros(6 * n_bodies + n)
+    dforces = np.zeros(LANES * forces.size)
+    views |= {"G": np.zeros((1, 1, 3, 3)), "felt": moving[12 * n_bodies :].reshape(contact.felt.shape)}
+    views |= {"push": forces[: 6 * n_bodies].reshape(-1, 6), "modal": forces[6 * n_bodies :]}
     arrays = {one.name: getattr(contact, one.name) for one in fields(contact)}
     copies: dict[str, Any] = {name: np.array(x) for name, x in arrays.items() if np.ndim(x)}
     near = replace(contact, **copies | views)
@@ -94,8 +121,7 @@ def touching_tangents(system: TouchingSystem, directions: Sequence[Any], common:
         for k, one in enumerate(each.variants):
             frames[4 * lane + k] = one.compiled.address("frames")
             felt[4 * lane + k] = one.compiled.address("felt") if own.felt else 0
-    n_bodies, n = len(own.origins), system.n
-    by = StatesBeside(
+    return StatesBeside(
         contact=near,
         numbers=whole,
         own_numbers=numbers,
@@ -111,91 +137,81 @@ def touching_tangents(system: TouchingSystem, directions: Sequence[Any], common:
         q=np.zeros(system.n_positions),
         v=np.zeros(n),
         inputs=np.zeros(own.inputs.size),
-        origins=np.zeros((n_bodies, 3)),
-        rotations=np.zeros((n_bodies, 3, 3)),
+        origins=moving[: 3 * n_bodies].reshape(-1, 3),
+        rotations=moving[3 * n_bodies : 12 * n_bodies].reshape(-1, 3, 3),
         spins=np.zeros((n_bodies, 3)),
-        dorigins=np.zeros((LANES, n_bodies, 3)),
-        drotations=np.zeros((LANES, n_bodies, 3, 3)),
-        dfelt=np.zeros((LANES, *contact.felt.shape)),
-        of_felt=np.zeros(contact.felt.shape),
+        moving=moving,
+        dmoving=np.zeros(LANES * moving.size),
         held=held_room(contact, LANES),
         modal=np.zeros(n),
-        dpush=np.zeros((6 * n_bodies, LANES)),
-        dmodal=np.zeros((n, LANES)),
+        forces=forces,
+        dforces=dforces,
+        dpush=dforces[: 6 * n_bodies * LANES].reshape(-1, LANES),
+        dmodal=dforces[6 * n_bodies * LANES :].reshape(-1, LANES),
         row=np.zeros(system.n_contact_values),
     )
-    return TouchingTangentParameters(**common, own=own, contact=contact, by=by)
 
 
 @accelerations.register(TouchingTangentParameters)
 def _accelerations(p: TouchingTangentParameters, t: float, q: Array, v: Array, a: Array) -> None:
     set_time(p, float(t))
     accelerations(p.own, t, q, v, a)
+    change_pushes(p, q, v)
+    pulled(p, q, v, p.multiplier, a, a)
+
+
+@change_pushes.register(TouchingTangentParameters)
+@change_pushes.register(TouchingClosedTangentParameters)
+def _change_pushes(p: Any, q: Array, v: Array) -> None:
+    _change_forces(p, q, v, p.by.row[:0])
+
+
+@pulled.register(TouchingTangentParameters)
+@pulled.register(TouchingClosedTangentParameters)
+def _pulled(p: Any, q: Array, v: Array, multiplier: Array, known: Array, a: Array) -> None:
     if p.variants.any != 0:
-        _change_mechanism(p, q, v, a)
-    _change_pushes(p, q, v, p.by.row[:0])
+        change_residual(p, q, v, multiplier, known)
     by, push, modal = p.by, p.own.contact.push, p.own.contact.modal
     dq, dv, da = q[p.n_position_lines :], v[p.n_lines :], a[p.n_lines :]
     along = (p.directions, dq, dv, p.dr, by.dpush, by.dmodal)
-    call_native(p.accelerations, (p.inputs, q, v, p.multiplier, push, modal, *along, a, da))
+    call_native(p.accelerations, (p.inputs, q, v, multiplier, push, modal, *along, a, da))
     if p.own.contact.clock[1] != 0.0 or by.contact.clock[1] != 0.0:
         a[0] = math.inf
 
 
-@inner
-def _change_mechanism(p: TouchingTangentParameters, q: Array, v: Array, a: Array) -> None:
-    """Find by what residuals, frames and forces on markers change where more than inputs of equations do."""
+@variant_residual.register(TouchingTangentParameters)
+@variant_residual.register(TouchingClosedTangentParameters)
+def _residual(p: Any, k: int, multiplier: Array) -> None:
     m, by = p.variants, p.by
-    for lane in range(LANES):
-        for i in range(p.n):
-            p.dr[i, lane] = 0.0
-        for link in range(by.origins.shape[0]):
-            for i in range(3):
-                by.dorigins[lane, link, i] = 0.0
-                for j in range(3):
-                    by.drotations[lane, link, i, j] = 0.0
-        for body in range(by.of_felt.shape[0]):
-            for i in range(by.of_felt.shape[1]):
-                by.dfelt[lane, body, i] = 0.0
-    for k in range(m.residual.size):
-        if m.residual[k] != 0:
-            _change_by(p, q, v, a, k, k // 4)
-
-
-@inner
-def _change_by(p: TouchingTangentParameters, q: Array, v: Array, a: Array, k: int, lane: int) -> None:
-    """Add what one variant has."""
-    m, by, weight = p.variants, p.by, p.variants.weights[k]
-    take_state(m, k, q, v, a)
     for i in range(p.n):
         by.modal[i] = m.signs_v[k, i] * p.own.contact.modal[i]
-    call_native(m.residual[k], (m.inputs[k], m.q, m.v, p.multiplier, p.own.contact.push, by.modal, m.a, m.r))
-    for i in range(p.n):
-        p.dr[i, lane] += weight * m.signs_v[k, i] * m.r[i]
-    call_native(by.frames[k], (m.inputs[k], m.q, m.v, by.origins, by.rotations, by.spins))
-    for link in range(by.origins.shape[0]):
-        for i in range(3):
-            by.dorigins[lane, link, i] += weight * by.origins[link, i]
-            for j in range(3):
-                by.drotations[lane, link, i, j] += weight * by.rotations[link, i, j]
-    if by.felt[k] != 0:
-        call_native(by.felt[k], (m.inputs[k], m.q, m.v, by.of_felt))
-        for body in range(by.of_felt.shape[0]):
-            for i in range(by.of_felt.shape[1]):
-                by.dfelt[lane, body, i] += weight * by.of_felt[body, i]
+    call_native(m.residual[k], (m.inputs[k], m.q, m.v, multiplier, p.own.contact.push, by.modal, m.a, m.r))
 
 
 @inner
-def _change_pushes(p: TouchingTangentParameters, q: Array, v: Array, rows: Array) -> None:
+def _change_frames(p: Any, q: Array, v: Array) -> None:
+    """Find by what frames and forces on markers change where more than inputs of equations do."""
+    m, by = p.variants, p.by
+    clear(by.dmoving)
+    for k in range(m.residual.size):
+        if m.residual[k] != 0:
+            take_state(m, k, q, v, v)
+            call_native(by.frames[k], (m.inputs[k], m.q, m.v, by.origins, by.rotations, by.spins))
+            if by.felt[k] != 0:
+                call_native(by.felt[k], (m.inputs[k], m.q, m.v, by.contact.felt))
+            for i in range(by.moving.size):
+                by.dmoving[by.moving.size * (k // 4) + i] += m.weights[k] * by.moving[i]
+
+
+@inner
+def _change_forces(p: Any, q: Array, v: Array, rows: Array) -> None:
     """Find how what contacts push by changes along each direction, and what is noted of them if there are rows."""
     c, by = p.own.contact, p.by
-    for lane in range(LANES):
-        for k in range(by.dpush.shape[0]):
-            by.dpush[k, lane] = 0.0
-        for k in range(p.n):
-            by.dmodal[k, lane] = 0.0
+    clear(by.dforces)
     if not any_force(c):
         return
+    if p.variants.any != 0:
+        _change_frames(p, q, v)
     displace_held(c, by.held)
     for lane in range(LANES):
         if by.used[lane] != 0:
@@ -203,7 +219,7 @@ def _change_pushes(p: TouchingTangentParameters, q: Array, v: Array, rows: Array
 
 
 @inner
-def _press_along(p: TouchingTangentParameters, q: Array, v: Array, lane: int, rows: Array) -> None:
+def _press_along(p: Any, q: Array, v: Array, lane: int, rows: Array) -> None:
     """Find how what contacts push by changes along a direction of the state, and with the numbers of contacts."""
     c, by = p.own.contact, p.by
     near = by.contact
@@ -216,13 +232,11 @@ def _press_along(p: TouchingTangentParameters, q: Array, v: Array, lane: int, ro
                 _change_numbers(p, q, v, lane, way)
             else:
                 _go_beside(p, q, v, lane, way)
+            clear(by.forces)
             softer = 1 if numbers == 1 and by.soft[lane] >= 0 else 0
             press_held(c, near, way, lane, 1 - numbers, by.dG[soft], softer, by.held, by.origins, by.rotations)
-            for link in range(near.push.shape[0]):
-                for k in range(6):
-                    by.dpush[6 * link + k, lane] += near.push[link, k] / (2.0 * way)
-            for k in range(p.n):
-                by.dmodal[k, lane] += near.modal[k] / (2.0 * way)
+            for k in range(by.forces.size):
+                by.dforces[LANES * k + lane] += by.forces[k] / (2.0 * way)
             if rows.size > 0:
                 note_values(near, by.row)
                 for k in range(by.row.size):
@@ -232,7 +246,7 @@ def _press_along(p: TouchingTangentParameters, q: Array, v: Array, lane: int, ro
 
 
 @inner
-def _find_size(p: TouchingTangentParameters, q: Array, v: Array, lane: int) -> float:
+def _find_size(p: Any, q: Array, v: Array, lane: int) -> float:
     """Return how far along a direction places of points move by `WAY_BESIDE`."""
     c, near, largest = p.own.contact, p.by.contact, TOO_LITTLE_BESIDE
     for i in range(p.by.q.size):
@@ -249,7 +263,7 @@ def _find_size(p: TouchingTangentParameters, q: Array, v: Array, lane: int) -> f
 
 
 @inner
-def _go_beside(p: TouchingTangentParameters, q: Array, v: Array, lane: int, way: float) -> None:
+def _go_beside(p: Any, q: Array, v: Array, lane: int, way: float) -> None:
     """Find where points stand a way along a direction of the state and of inputs."""
     by = p.by
     for i in range(by.q.size):
@@ -263,7 +277,7 @@ def _go_beside(p: TouchingTangentParameters, q: Array, v: Array, lane: int, way:
 
 
 @inner
-def _place(p: TouchingTangentParameters) -> None:
+def _place(p: Any) -> None:
     """Find the frames, and the forces on markers that points feel, at the state beside."""
     by = p.by
     if by.contact.felt.size > 0:
@@ -272,44 +286,38 @@ def _place(p: TouchingTangentParameters) -> None:
 
 
 @inner
-def _change_numbers(p: TouchingTangentParameters, q: Array, v: Array, lane: int, way: float) -> None:
+def _change_numbers(p: Any, q: Array, v: Array, lane: int, way: float) -> None:
     """Find where points stand with other numbers of contacts and of the mechanism."""
     by = p.by
-    near = by.contact
     copy(q, by.q)
     copy(v, by.v)
     copy(p.inputs, by.inputs)
     _place(p)
     for i in range(by.numbers.size):
         by.numbers[i] = by.own_numbers[i] + way * by.dnumbers[lane, i]
-    for body in range(near.felt.shape[0]):
-        for i in range(near.felt.shape[1]):
-            near.felt[body, i] += way * by.dfelt[lane, body, i]
-    for link in range(by.origins.shape[0]):
-        for i in range(3):
-            by.origins[link, i] += way * by.dorigins[lane, link, i]
-            for j in range(3):
-                by.rotations[link, i, j] += way * by.drotations[lane, link, i, j]
-    place_beside(near, by.q, by.origins, by.rotations)
+    for i in range(by.moving.size):
+        by.moving[i] += way * by.dmoving[by.moving.size * lane + i]
+    place_beside(by.contact, by.q, by.origins, by.rotations)
 
 
 @remember_found.register(TouchingTangentParameters)
-def _remember_found(p: TouchingTangentParameters, t: float) -> None:
+@remember_found.register(TouchingClosedTangentParameters)
+def _remember_found(p: Any, t: float) -> None:
     remember(p.own.contact, t, p.own.origins, p.own.rotations)
 
 
 @note_contacts.register(TouchingTangentParameters)
-def _note_contacts(p: TouchingTangentParameters, t: float, q: Array, v: Array, values: Array) -> None:
+@note_contacts.register(TouchingClosedTangentParameters)
+def _note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
     width = p.by.row.size
     set_time(p, float(t))
     note_contacts(p.own, t, q, v, values[:width])
     for k in range(width, values.size):
         values[k] = 0.0
-    if p.variants.any != 0:
-        _change_mechanism(p, q, v, v)
-    _change_pushes(p, q, v, values[width:])
+    _change_forces(p, q, v, values[width:])
 
 
 @remember_contacts.register(TouchingTangentParameters)
-def _remember_contacts(p: TouchingTangentParameters, t: float, q: Array, v: Array) -> None:
+@remember_contacts.register(TouchingClosedTangentParameters)
+def _remember_contacts(p: Any, t: float, q: Array, v: Array) -> None:
     remember_contacts(p.own, t, q, v)
