@@ -37,7 +37,7 @@ from fmd.dynamics.compiled_system.touching import (
 )
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, note_contacts, remember_contacts, remember_found
-from fmd.kernels.arrays import clear, copy
+from fmd.kernels.arrays import clear
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table
 from fmd.kernels.vectors import call_native
@@ -228,10 +228,7 @@ def _press_along(p: Any, q: Array, v: Array, lane: int, rows: Array) -> None:
         size = NUMBERS_BESIDE if numbers == 1 else _find_size(p, q, v, lane)
         for side in range(2):
             way = (2.0 * side - 1.0) * size
-            if numbers == 1:
-                _change_numbers(p, q, v, lane, way)
-            else:
-                _go_beside(p, q, v, lane, way)
+            _go_beside(p, q, v, lane, (1 - numbers) * way, numbers * way)
             clear(by.forces)
             softer = 1 if numbers == 1 and by.soft[lane] >= 0 else 0
             press_held(c, near, way, lane, 1 - numbers, by.dG[soft], softer, by.held, by.origins, by.rotations)
@@ -252,7 +249,7 @@ def _find_size(p: Any, q: Array, v: Array, lane: int) -> float:
     for i in range(p.by.q.size):
         largest = max(largest, abs(q[p.n_position_lines + LANES * i + lane]))
     size, moved = WAY_BESIDE / largest, 0.0
-    _go_beside(p, q, v, lane, size)
+    _go_beside(p, q, v, lane, size, 0.0)
     for i in range(c.node.size):
         if c.force[i, 0] != 0.0:
             moved = max(moved, abs(near.free[i, 0] - c.free[i, 0]))
@@ -263,40 +260,26 @@ def _find_size(p: Any, q: Array, v: Array, lane: int) -> float:
 
 
 @inner
-def _go_beside(p: Any, q: Array, v: Array, lane: int, way: float) -> None:
-    """Find where points stand a way along a direction of the state and of inputs."""
+def _go_beside(p: Any, q: Array, v: Array, lane: int, along: float, numbers: float) -> None:
+    """Find where points stand a way along a direction of the state and of inputs, or with other numbers by a way.
+
+    These are numbers of contacts, and of the mechanism where they move frames and forces on markers by themselves.
+    """
     by = p.by
     for i in range(by.q.size):
-        by.q[i] = q[i] + way * q[p.n_position_lines + LANES * i + lane]
+        by.q[i] = q[i] + along * q[p.n_position_lines + LANES * i + lane]
     for i in range(by.v.size):
-        by.v[i] = v[i] + way * v[p.n_lines + LANES * i + lane]
+        by.v[i] = v[i] + along * v[p.n_lines + LANES * i + lane]
     for i in range(by.inputs.size):
-        by.inputs[i] = p.inputs[i] + way * p.directions[i, lane]
-    _place(p)
-    place_beside(by.contact, by.q, by.origins, by.rotations)
-
-
-@inner
-def _place(p: Any) -> None:
-    """Find the frames, and the forces on markers that points feel, at the state beside."""
-    by = p.by
+        by.inputs[i] = p.inputs[i] + along * p.directions[i, lane]
     if by.contact.felt.size > 0:
         call_native(p.own.felt, (by.inputs, by.q, by.v, by.contact.felt))
     call_native(p.own.frames, (by.inputs, by.q, by.v, by.origins, by.rotations, by.spins))
-
-
-@inner
-def _change_numbers(p: Any, q: Array, v: Array, lane: int, way: float) -> None:
-    """Find where points stand with other numbers of contacts and of the mechanism."""
-    by = p.by
-    copy(q, by.q)
-    copy(v, by.v)
-    copy(p.inputs, by.inputs)
-    _place(p)
-    for i in range(by.numbers.size):
-        by.numbers[i] = by.own_numbers[i] + way * by.dnumbers[lane, i]
-    for i in range(by.moving.size):
-        by.moving[i] += way * by.dmoving[by.moving.size * lane + i]
+    if numbers != 0.0:
+        for i in range(by.numbers.size):
+            by.numbers[i] = by.own_numbers[i] + numbers * by.dnumbers[lane, i]
+        for i in range(by.moving.size):
+            by.moving[i] += numbers * by.dmoving[by.moving.size * lane + i]
     place_beside(by.contact, by.q, by.origins, by.rotations)
 
 
