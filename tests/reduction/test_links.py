@@ -22,7 +22,8 @@ from fmd.fem.selection import nodes_on_faces
 from fmd.fem.space import Discretisation
 from fmd.meshes.bar import hexahedral_bar
 from fmd.reduction.body import supported_body
-from fmd.reduction.eigen import FreeBodySolver, count_pieces
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.free_motions import count_pieces
 from fmd.reduction.modes import EigenPairs
 from fmd.reduction.rotating import rotating_modes
 from fmd.reduction.stiffening import stiffen_body

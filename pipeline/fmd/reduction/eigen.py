@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh, null_space
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from fmd.core.arrays import Array, IntArray, read_only
@@ -34,8 +33,7 @@ from fmd.core.limits.modes import (
 from fmd.core.progress import Advance
 from fmd.reduction.block_lanczos import largest_pairs
 from fmd.reduction.factor.factor import Factor, factorise, refuse_large_search, refuse_too_large
-from fmd.reduction.factor.order import node_graph
-from fmd.reduction.free_motions import wrong_count
+from fmd.reduction.free_motions import count_pieces, wrong_count
 from fmd.reduction.inertia_relief import (
     THIN,
     constrained_inverse,
@@ -399,20 +397,3 @@ class FreeBodySolver:
 def _unknowns_of(u: Array, T: sp.csr_array | None) -> Array:
     """Return the unknowns of fields u (3 n_nodes, k), in the mean where a face would have to bend."""
     return u if T is None else np.asarray(splu(sp.csc_array(T.T @ T)).solve(T.T @ u))
-
-
-def count_pieces(K: sp.csr_array, T: sp.csr_array | None = None) -> int:
-    """Count the pieces of a body that its stiffness matrix leaves unconnected.
-
-    Masses say nothing of it: lumped ones connect no node with another. K has three unknowns a node and a symmetric
-    pattern; independent unknowns, by which the nodes move by T (3 n_nodes, n), connect them, too.
-    """
-    if T is not None:
-        entries, n_points = sp.coo_array(T), K.shape[0]
-        extended = sp.coo_array(K)
-        rows = [extended.coords[0], entries.coords[0], np.arange(0, n_points, 3), np.arange(0, n_points, 3)]
-        columns = [extended.coords[1], n_points + entries.coords[1], *(np.arange(k, n_points, 3) for k in (1, 2))]
-        place = np.concatenate(rows), np.concatenate(columns)
-        graph = sp.coo_array((np.ones(len(place[0])), place), shape=(sum(T.shape),) * 2)
-        return int(connected_components(graph, directed=False, return_labels=False))
-    return int(connected_components(node_graph(K, 3)[0], directed=False, return_labels=False))

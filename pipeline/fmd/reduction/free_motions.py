@@ -1,6 +1,8 @@
-"""Shapes without stiffness that are more or fewer than the rigid motions of a body, and which points move so."""
+"""Shapes without stiffness that are more or fewer than a body's rigid motions, which points move so, and its pieces."""
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
@@ -41,3 +43,25 @@ def _free_points(fe: FEModel, shapes: Array, rigid: Array) -> str:
     names = list(dict.fromkeys(fe.name_point(k) for k in free[np.argsort(-moved[free], kind="stable")]))
     more = f" and {len(names) - NAMED_AT_MOST} more" if len(names) > NAMED_AT_MOST else ""
     return ", ".join(names[:NAMED_AT_MOST]) + more
+
+
+def count_pieces(K: sp.csr_array, T: sp.csr_array | None = None) -> int:
+    """Count the pieces of a body that its stiffness matrix leaves unconnected.
+
+    Masses say nothing of it: lumped ones connect no node with another. K has three unknowns a node and a symmetric
+    pattern; independent unknowns, by which the nodes move by T (3 n_nodes, n), connect them, too.
+    """
+    if T is not None:
+        entries, n_points = sp.coo_array(T), K.shape[0]
+        extended = sp.coo_array(K)
+        rows = [extended.coords[0], entries.coords[0], np.arange(0, n_points, 3), np.arange(0, n_points, 3)]
+        columns = [extended.coords[1], n_points + entries.coords[1], *(np.arange(k, n_points, 3) for k in (1, 2))]
+        place = np.concatenate(rows), np.concatenate(columns)
+        graph = sp.coo_array((np.ones(len(place[0])), place), shape=(sum(T.shape),) * 2)
+        return int(connected_components(graph, directed=False, return_labels=False))
+    # Strongly connected parts are connected ones where the pattern is symmetric, and take no transpose.
+    _, piece = connected_components(K, directed=True, connection="strong")
+    x, y, z = piece.reshape(-1, 3).T
+    n = int(piece.max()) + 1
+    within = sp.coo_array((np.ones(2 * len(x)), (np.r_[x, x], np.r_[y, z])), shape=(n, n))
+    return int(connected_components(within, directed=False, return_labels=False))

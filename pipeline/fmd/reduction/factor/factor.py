@@ -25,7 +25,7 @@ from fmd.core.limits.memory import (
 from fmd.core.memory import available_memory
 from fmd.core.threads import one_thread
 from fmd.reduction.factor.figures import FactorFigures
-from fmd.reduction.factor.order import fill_reducing_order, superlu
+from fmd.reduction.factor.superlu import superlu
 
 
 def factor_nonzeros(counts: IntArray, size: int = 1) -> int:
@@ -84,10 +84,11 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
         nonzeros = (factor.nnz + n) // 2
         return Factor(factor.solve, FactorFigures("SuperLU", "MMD", n, nonzeros, int(_BYTES["SuperLU"] * nonzeros)))
     A = sp.csr_array(A)
-    order = fill_reducing_order(A)
     from fmd.reduction.factor import multifrontal as own
+    from fmd.reduction.factor.order import fill_reducing_order
     from fmd.reduction.factor.panels import LANES
 
+    order = fill_reducing_order(A)
     counts, parent = own.elimination_tree(order.graph)
     nonzeros = factor_nonzeros(counts, order.size)
     if solver == "cholesky":

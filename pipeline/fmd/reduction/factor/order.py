@@ -7,15 +7,14 @@ decides), and a separator of the corners is one of all nodes. So corners alone a
 
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from fmd.core.arrays import IntArray
 from fmd.core.limits.memory import MOST_COUPLED, SHIFTED_BLOCKS
 from fmd.kernels.kernel import kernel
+from fmd.reduction.factor.superlu import superlu
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,20 +38,20 @@ def unknowns_of(nodes: IntArray, size: int) -> IntArray:
     return np.asarray((size * nodes.astype(np.int64)[:, None] + np.arange(size)).ravel())
 
 
-def node_graph(A: sp.csr_array, size: int = 0) -> tuple[sp.csr_array, int]:
+def node_graph(A: sp.csr_array) -> tuple[sp.csr_array, int]:
     """Graph of the nodes that a matrix couples, symmetric and without loops, and the number of a node's unknowns.
 
-    That is ``size`` if it is given, else three, or one where supports have shifted nodes against blocks of three.
+    That is three, or one where supports have shifted nodes against blocks of three.
     Differences of matrices drop entries that come out as zero, and round-off may leave one of a pair: it couples, too.
     """
     indptr, indices = A.indptr.astype(np.int64), A.indices.astype(np.int64)
-    for own in (size,) if size else (3, 1):
+    for own in (3, 1):
         n, rest = divmod(A.shape[0], own)
         if rest:
             continue
         ends, columns = np.zeros(n + 1, dtype=np.int64), np.empty_like(indices)
         _couple(indptr, indices, np.repeat(np.arange(n), own), np.full(n, -1), ends, columns)
-        if size or 9 * (ends[-1] + n) < SHIFTED_BLOCKS * A.nnz:
+        if 9 * (ends[-1] + n) < SHIFTED_BLOCKS * A.nnz:
             break
     ones, columns = np.ones(ends[-1], dtype=np.float32), columns[: ends[-1]]
     graph = sp.csr_array((ones, columns, ends), (n, n))
@@ -84,11 +83,6 @@ def fill_reducing_order(A: sp.csr_array) -> Order:
     np.minimum.at(place, covered, place[by])
     nodes = np.lexsort((decides, degrees, place))
     return Order(nodes, np.flatnonzero(decides[nodes] == 1), sp.csr_array(graph[nodes][:, nodes]), size, name)
-
-
-def superlu(A: sp.csr_array) -> Any:
-    """Factorise a symmetric matrix by SuperLU, without leaving the diagonal for pivots."""
-    return splu(sp.csc_array(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 @kernel
