@@ -63,8 +63,7 @@ def mesh_cad(
     unit, size = given.unit, size / given.unit
     with gmsh_model("cad") as gmsh:
         names, whole = _open(gmsh, path, given.made_at)
-        volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3))
-        expected = volume / (0.117851 * size**3)  # volume of the regular tetrahedron of unit edge
+        expected = _volume(gmsh) / (0.117851 * size**3)  # volume of the regular tetrahedron of unit edge
         _require_few(expected, size * unit)
         _set_options(
             gmsh,
@@ -86,8 +85,8 @@ def mesh_cad(
             _open(gmsh, path, given.values)
             points = carry_nodes(gmsh, "cad", "changed", points, mesh.cells, place)
             gmsh.model.setCurrent("changed")
-        centres = _find_centres(gmsh, names, whole)
-        return mesh._replace(points=unit * points, centres={name: x * unit**_POWERS for name, x in centres.items()})
+        centres = {name: x * unit**_POWERS for name, x in _find_centres(gmsh, names, whole).items()}
+        return mesh._replace(points=unit * points, centres=centres, volume=unit**3 * _volume(gmsh))
 
 
 def mesh_sheet(
@@ -224,8 +223,12 @@ def _name_by_place(gmsh: Any, names: Names) -> dict[int, int]:
     return whole
 
 
+def _volume(gmsh: Any) -> float:
+    return float(sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3)))
+
+
 def _read_out(gmsh: Any, order: int, names: Names, whole: Mapping[int, int]) -> tuple[CadMesh, NDArray[np.int64]]:
-    """Read the mesh of the current model out of Gmsh, without centres, and the number of each of its nodes' point."""
+    """Read the current model's mesh out of Gmsh, without centres and volume, and the number of each node's point."""
     tags, xyz, _ = gmsh.model.mesh.getNodes()
     place = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
     place[tags] = np.arange(tags.size)
@@ -245,7 +248,7 @@ def _read_out(gmsh: Any, order: int, names: Names, whole: Mapping[int, int]) -> 
             nodes = gmsh.model.mesh.getElementsByType(triangle, tag)[1]
             faces.setdefault(name, []).append(np.sort(place[nodes].reshape(-1, n_around)[:, :3], axis=1))
     joined = {name: np.concatenate(rows) for name, rows in faces.items()}
-    return CadMesh(xyz.reshape(-1, 3), np.concatenate(blocks), parts, joined, {}), place
+    return CadMesh(xyz.reshape(-1, 3), np.concatenate(blocks), parts, joined, {}, 0.0), place
 
 
 def _surfaces_by_name(gmsh: Any, names: Names, whole: Mapping[int, int]) -> dict[str, list[int]]:

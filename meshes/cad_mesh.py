@@ -20,6 +20,7 @@ class CadMesh(NamedTuple):
     faces: Mapping[str, NDArray[np.int64]]
     # (4,): area [m²] and centre [m] of each face by its geometry, of a whole cylinder the middle of its axis
     centres: Mapping[str, NDArray[np.float64]]
+    volume: float  # of the solids by their geometry [m³]
 
 
 def save(mesh: CadMesh, path: Path) -> None:
@@ -27,7 +28,7 @@ def save(mesh: CadMesh, path: Path) -> None:
     arrays: dict[str, Any] = {"points": mesh.points, "cells": mesh.cells}
     arrays |= {f"part {k}": cells for k, cells in enumerate(mesh.parts.values())}
     arrays |= {f"face {k}": corners for k, corners in enumerate(mesh.faces.values())}
-    arrays["centres"] = np.array(list(mesh.centres.values()))
+    arrays |= {"centres": np.array(list(mesh.centres.values())), "volume": np.float64(mesh.volume)}
     names = json.dumps({"parts": list(mesh.parts), "faces": list(mesh.faces)})
     np.savez(path, **arrays, names=np.frombuffer(names.encode(), dtype=np.uint8))
 
@@ -42,4 +43,5 @@ def load(path: Path) -> CadMesh:
             {name: file[f"part {k}"] for k, name in enumerate(names["parts"])},
             {name: file[f"face {k}"] for k, name in enumerate(names["faces"])},
             dict(zip(names["faces"], file["centres"], strict=True)),
+            float(file["volume"]),
         )

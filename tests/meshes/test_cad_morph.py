@@ -55,6 +55,7 @@ def test_elements_stay_the_same_and_follow_the_geometry(bracket: Path) -> None:
         assert SolidMesh(mesh.points, mesh.cells, "tetra10", {}, {}).volume == pytest.approx(
             volume_of(hole, fillet), rel=1e-4
         )
+        assert mesh.volume == pytest.approx(volume_of(hole, fillet), rel=1e-9)
         corners = mesh.points[np.unique(mesh.faces["bore"])]
         assert np.hypot(corners[:, 0] - 0.055, corners[:, 1] - 0.015) == pytest.approx(hole / 2e3, rel=1e-9)
         assert mesh.centres["bore"] == pytest.approx([np.pi * hole * 8e-6, 0.055, 0.015, 0.004], rel=1e-6)

@@ -193,14 +193,25 @@ class Estimates(Comparison):
             self._no_shapes |= self._within_limit("discretisation, shapes across", shapes)
         if isinstance(pair, str):  # the shape of a mesh that is given is that of its elements
             given = (name for name, part in self.run.parts.items() if not part.shape.resized(0.5))
-            return errors | {f"{name}, mass": NO_PART for name in given}
-        masses = mesh_quantities(pair.coarse)
+            return errors | {f"{name}, mass": NO_PART for name in given} | self._masses()
+        masses, known = mesh_quantities(pair.coarse), self._masses()
         for name, quantity in self.of_mesh.items():
-            if quantity.kind == "geometry":
+            if quantity.kind == "geometry" and name not in known:
                 errors[name] = quantity.change(masses[name]) / abs(pair.gains["geometry"])
                 self.correct(name, (quantity.scale - masses[name].scale) / pair.gains["geometry"])
         self._no_shapes |= self._within_limit("discretisation, shapes", lambda: self._otherwise_coarse(pair, recovery))
-        return errors
+        return errors | known
+
+    def _masses(self) -> dict[str, float | str]:
+        """Errors of masses of which the geometry tells the volume: larger elements may be as coarse around a bore."""
+        found = dict[str, float | str]()
+        for name, part in self.run.parts.items():
+            whole = getattr(part.mesh, "geometry_volume", 0.0)
+            if whole:
+                share, row = whole / part.mesh.volume - 1, f"{name}, mass"
+                found[row] = abs(share)
+                self.correct(row, share * self.of_mesh[row].scale)
+        return found
 
     def _coarse_pair(self) -> Pair | str:
         try:

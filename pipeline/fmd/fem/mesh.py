@@ -43,6 +43,7 @@ class SolidMesh:
     midsurface: Midsurface | None = None
     # (4,): area [m²] and centre [m] of faces by their geometry, which CAD files have beside the mesh
     centres: Mapping[str, Array] = field(default_factory=dict)
+    geometry_volume: float = 0.0  # of the geometry [m³], 0 where that isn't known
 
     __repr__ = short_repr
 

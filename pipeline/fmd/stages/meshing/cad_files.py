@@ -106,7 +106,7 @@ def mesh_cad_file(
     raw = RawMesh(mesh.points, [(cell_type, mesh.cells)], {name: [cells] for name, cells in mesh.parts.items()})
     raw.facet_sets = {name: [corners] for name, corners in mesh.faces.items()}
     with as_input_error(str(path), of=MeshFileError):
-        return replace(solid_mesh(raw, 1.0, repair=True), centres=mesh.centres)
+        return replace(solid_mesh(raw, 1.0, repair=True), centres=mesh.centres, geometry_volume=mesh.volume)
 
 
 def mesh_cad_sheet(
