@@ -9,9 +9,9 @@ import scipy.sparse as sp
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.mesh import SHELL_FOLD
 from fmd.fem.formats.import_shell import refuse_collapsed
-from fmd.fem.formats.named_sets import PLANE, corners_of, facets_of_solids
+from fmd.fem.formats.named_sets import PLANE, are_shells, corners_of, facets_of_solids
 from fmd.fem.formats.raw_mesh import BlockShells, MeshFileError, RawMesh, at_all_nodes
-from fmd.fem.mesh import rows_among, three_corners
+from fmd.fem.mesh import three_corners
 from fmd.fem.thicken import corner_normals
 
 _WITH_MIDDLES = {"triangle": "triangle6", "quad": "quad8"}
@@ -34,9 +34,7 @@ def divide_shells_with_middles(raw: RawMesh, by_deck: bool) -> RawMesh:
         n = corners_of(kind)
         if not kind.startswith(PLANE) or cells.shape[1] == n or not len(cells):
             continue
-        shells = ~rows_among(three_corners(cells[:, :n]), on_solids)
-        if by_deck and raw.shells:
-            shells = shells | np.isfinite(raw.shells[b].thickness).all(axis=1)
+        shells = are_shells(raw, b, on_solids, by_deck)
         if shells.any() and not shells.all():
             raise MeshFileError(
                 f"of {len(cells)} {kind} some are faces of solids and some are shells; put them apart, or write them "

@@ -17,7 +17,7 @@ from fmd.fem.formats.import_beam import mesh_beams, take_beams
 from fmd.fem.formats.import_mesh import UNUSABLE, connection_notes, connections_in_si, place_solids, read_sound
 from fmd.fem.formats.import_shell import SHELLS, GivenSections, mesh_shells, take_shells
 from fmd.fem.formats.mixed import split_mixed
-from fmd.fem.formats.named_sets import PLANE, corners_of, facets_of_solids, tie_by_names, with_curves
+from fmd.fem.formats.named_sets import PLANE, are_shells, corners_of, facets_of_solids, tie_by_names, with_curves
 from fmd.fem.formats.raw_mesh import BlockShells, MeshFileError, RawMesh
 from fmd.fem.joined import HINGE_MEND, STRUT_MEND, AnyMesh, JoinedMesh, Seam, count_nodes
 from fmd.fem.mesh import SolidMesh, rows_among, three_corners
@@ -68,10 +68,8 @@ def _kinds(raw: RawMesh, shell: GivenSections | None, beams: bool) -> tuple[list
     for b, (kind, cells) in enumerate(raw.blocks):
         if shell is None or kind not in SHELLS:
             shells.append(np.zeros(len(cells), dtype=bool))
-            continue
-        on = rows_among(three_corners(cells[:, : SHELLS[kind]]), on_solids)
-        by_deck = shell.thickness is None and bool(raw.shells)
-        shells.append(~on | np.isfinite(raw.shells[b].thickness).all(axis=1) if by_deck else ~on)
+        else:
+            shells.append(are_shells(raw, b, on_solids, shell.thickness is None))
     lines = [np.full(len(cells), beams and kind == _LINES) for kind, cells in raw.blocks]
     return solids, shells, lines
 

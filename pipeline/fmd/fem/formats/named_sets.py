@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmd.core.arrays import IntArray
+from fmd.core.arrays import BoolArray, IntArray
 from fmd.fem.cells.table import CELLS, is_solid
 from fmd.fem.connections import TiedFaces
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
@@ -99,6 +99,16 @@ def facets_of_solids(raw: RawMesh) -> IntArray:
         for face in CELLS[kind].shape.faces
     ]
     return np.concatenate([_NONE.reshape(0, 3), *facets])
+
+
+def are_shells(raw: RawMesh, b: int, on_solids: IntArray, by_deck: bool) -> BoolArray:
+    """Return which surface elements of a block are shells, (n_cells,): not those on `facets_of_solids`.
+
+    Sections of the deck, if these are asked for, make shells of them too.
+    """
+    kind, cells = raw.blocks[b]
+    own = ~rows_among(three_corners(cells[:, : corners_of(kind)]), on_solids)
+    return own | np.isfinite(raw.shells[b].thickness).all(axis=1) if by_deck and raw.shells else own
 
 
 def corners_of(kind: str) -> int:
