@@ -39,7 +39,7 @@ from fmd.integrators.adjoint import (
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import State
 from fmd.integrators.subcycling import Subcycling
-from fmd.kernels.arrays import copy
+from fmd.kernels.arrays import clear, copy
 from fmd.kernels.kernel import inlined, inner, kernel
 from fmd.kernels.table import Table
 from fmd.kernels.vectors import call_native
@@ -138,7 +138,7 @@ def _take_cycles_back(p: CompiledParameters, s: StepsBack, c: _Cycles, first: in
         _begin_back(p, s, c, first + k, k)
         for later in range(m):
             j = m - 1 - later
-            _clear(c.later)
+            clear(c.later)
             while has_next(c.output, (first + k) * m + j):
                 c.output.left[0] -= 1
                 _add_output(p, s, c, c.output.left[0], k, j)
@@ -155,21 +155,15 @@ def _take_cycles_back(p: CompiledParameters, s: StepsBack, c: _Cycles, first: in
 
 
 @inlined
-def _clear(x: Array) -> None:
-    for i in range(x.size):
-        x[i] = 0.0
-
-
-@inlined
 def _begin_back(p: CompiledParameters, s: StepsBack, c: _Cycles, number: int, k: int) -> None:
     set_inputs(p, number * c.q.shape[1] * s.h)
     copy(p.inputs, c.inputs)
     velocities(p, s.q[k], s.v[k], c.moving)
-    _clear(c.dq)
-    _clear(c.dv)
-    _clear(c.da)
-    _clear(c.of_start)
-    _clear(c.of_moving)
+    clear(c.dq)
+    clear(c.dv)
+    clear(c.da)
+    clear(c.of_start)
+    clear(c.of_moving)
 
 
 @inner
@@ -259,7 +253,7 @@ def _end_back(p: CompiledParameters, s: StepsBack, c: _Cycles, t: float, k: int)
     H, offset = c.q.shape[1] * s.h, s.dq.size - s.dv.size
     for i in range(s.dq.size):
         c.room_q[i] = s.dq[i] if i < c.n_slow + offset else 0.0
-    _clear(c.room_v)
+    clear(c.room_v)
     advance_back(p, s.q[k], s.ahead[k], H, c.room_q, c.room_v)
     for i in range(c.n_slow + offset):
         s.dq[i] = c.room_q[i]

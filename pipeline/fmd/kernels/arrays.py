@@ -1,4 +1,4 @@
-"""What kernels do with whole arrays."""
+"""Copying and clearing of whole arrays in kernels."""
 
 from fmd.core.arrays import Array
 from fmd.kernels.kernel import inlined
