@@ -325,7 +325,11 @@ def random_chain(name: str, seed: int = 0, gravity: tuple[float, float, float] =
     return PointChain(Mechanism(links, fast, np.array(gravity)), x, m, Phi)
 
 
-@pytest.fixture(scope="session", params=CHAINS)
+# The flexible one on a free joint takes no way that the rigid one on it and the others don't; for long it is there.
+NAMES = [pytest.param(name, marks=[pytest.mark.long] * (name == "free-flexible")) for name in CHAINS]
+
+
+@pytest.fixture(scope="session", params=NAMES)
 def name(request: pytest.FixtureRequest) -> str:
     """Each kind of chain in turn."""
     return str(request.param)

@@ -261,17 +261,12 @@ def damped() -> Case:
 
 CASES = {
     "weight alone": lambda: Case(ARM, lambda *_: 0.0),
-    **{f"torque, {signal}": lambda signal=signal: along_joint("lower", signal) for signal in SIGNALS},
-    "torque on a rigid body": lambda: along_joint("upper", "formula"),
+    **{f"torque, {signal}": lambda signal=signal: along_joint("lower", signal) for signal in ("table", "half sine")},
     "force on a slide": lambda: along_joint("slider", "formula"),
-    **{
-        f"{'following' if following else 'fixed'} {'torque' if torque else 'force'} on {body}": (
-            lambda body=body, torque=torque, following=following: at_point(body, torque=torque, following=following)
-        )
-        for body in NAMES
-        for torque in (False, True)
-        for following in (False, True)
-    },
+    # The other kinds and bodies have the same generalised forces, see below.
+    "fixed torque on upper": lambda: at_point("upper", torque=True),
+    "following torque on lower": lambda: at_point("lower", torque=True, following=True),
+    "following force on slider": lambda: at_point("slider", following=True),
     **{f"motion of {name}": lambda name=name: prescribed(name) for name in NAMES},
     "all joints move as prescribed": lambda: prescribed(*NAMES),
     "dampers": damped,
@@ -333,7 +328,7 @@ def test_energies_are_those_of_the_points_whatever_drives_them(case: Case) -> No
 @pytest.mark.parametrize("body", NAMES)
 @pytest.mark.parametrize("torque", [False, True], ids=["force", "torque"])
 @pytest.mark.parametrize("following", [False, True], ids=["fixed", "following"])
-@pytest.mark.parametrize("size", [1e-9, 1e-3, 0.4, 2.0], ids=str)
+@pytest.mark.parametrize("size", [1e-9, 2.0], ids=str)
 def test_a_point_load_does_its_virtual_work_on_every_rate(
     body: str, torque: bool, following: bool, size: float
 ) -> None:
@@ -430,7 +425,7 @@ def test_turning_and_moving_everything_in_space_changes_nothing(names: tuple[str
 
 # Slow and fast modes ---------------------------------------------------------------------------------------------
 
-SPLITS = [(n, fast) for n in (0, 1, 2) for fast in ((), ("slider",), ("upper", "slider"), NAMES)]
+SPLITS = [(0, ()), (0, NAMES), (1, ("slider",)), (1, ("upper", "slider")), (2, ("upper", "slider")), (2, NAMES)]
 
 
 def split_arms(n_slow: int, fast: tuple[str, ...]) -> tuple[Arm, Arm]:
@@ -461,7 +456,7 @@ def test_one_to_one_sub_cycling_is_central_difference_for_any_split(n_slow: int,
     assert np.array_equal(plain.v, one.v)
 
 
-@pytest.mark.parametrize(("n_slow", "fast"), [(1, ("slider",)), (2, ("upper", "slider")), (0, ())])
+@pytest.mark.parametrize(("n_slow", "fast"), [(1, ("slider",)), (2, ("upper", "slider"))])
 def test_sub_cycling_of_any_split_comes_to_the_same_motion(n_slow: int, fast: tuple[str, ...]) -> None:
     # The reference has a split of its own; sub-cycling is of first order at least.
     arm, split = split_arms(n_slow, fast)

@@ -61,7 +61,7 @@ def element_pushes(mechanism: Mechanism, q: Array, v: Array) -> dict[str, list[t
     return found
 
 
-@pytest.mark.parametrize("seed", [1, 13, 39, 40])
+@pytest.mark.parametrize("seed", [13, 39, 40])
 @pytest.mark.parametrize("kind", ["plain", "second order", "with springs"])
 def test_each_joint_moves_the_mass_points_that_it_carries(seed: int, kind: str) -> None:
     """Force and moment are Σ m (ẍ − g) and Σ x × m (ẍ − g) of all points beyond the joint, less the loads there."""

@@ -74,7 +74,7 @@ def chain(folder: Path, deflection: float, start: str = "steady", turning: bool 
     return Pipeline(load_scene(folder / "chain.toml"))
 
 
-@pytest.mark.parametrize("deflection", [0.002, 0.2, 0.4])
+@pytest.mark.parametrize("deflection", [0.2, 0.4])
 def test_a_bent_chain_has_inertia_against_every_motion(tmp_path: Path, deflection: float) -> None:
     """At 0.2 it was -0.6 times the undeformed chain's as long as spin was thought to draw in what doesn't spin."""
     run = chain(tmp_path, deflection)

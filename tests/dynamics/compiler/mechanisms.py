@@ -77,9 +77,9 @@ class PointMechanism:
 
 # Between them they have all that a hundred have, `test_mechanisms.py` says: each joint, of rigid and flexible bodies,
 # on the ground and on either, prescribed or free; every kind of load; slow modes and fast joints; plane and in space.
-SEEDS = (0, 1, 2, 8, 13, 16, 37, 44, 45)
+SEEDS = (0, 1, 8, 13, 16, 37, 44, 45)
 EACH = pytest.mark.parametrize(
-    "seed", [*SEEDS[:3], *(pytest.param(seed, marks=pytest.mark.slow) for seed in SEEDS[3:])]
+    "seed", [*SEEDS[:2], *(pytest.param(seed, marks=pytest.mark.slow) for seed in SEEDS[2:])]
 )
 
 

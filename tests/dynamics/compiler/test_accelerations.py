@@ -25,7 +25,7 @@ def is_scalar(seed: int) -> bool:
     return mechanism.n == mechanism.n_positions and any(link.integrals.displacement2.any() for link in mechanism.links)
 
 
-LAGRANGE = [seed for seed in range(24) if is_scalar(seed)]
+LAGRANGE = [seed for seed in (3, 4, 5, 13) if is_scalar(seed)]
 
 
 @pytest.mark.parametrize("seed", LAGRANGE)
