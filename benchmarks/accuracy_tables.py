@@ -148,8 +148,8 @@ def truth() -> str:
             [seeds, kind, *_counts([row for row in own if kind in (row["kind"], "all")])] for kind in (*kinds, "all")
         ]
     head = ("seeds", "kind", "scenes", "compared", "refused", "tracebacks", "no reference", "over 60 s")
-    judged = ("true below stated", "wrong", "not judged", "over 20 times", "stated / true, median, ninth tenth")
-    return markdown((*head, *judged), lines)
+    judged = ("true below stated", "wrong", "not judged", "below, of judged or not", "over 20 times")
+    return markdown((*head, *judged, "stated / true, median, ninth tenth"), lines)
 
 
 def _counts(own: list[Row]) -> list[str]:
@@ -164,9 +164,11 @@ def _counts(own: list[Row]) -> list[str]:
     )
     ratios = sorted(float(text) for row in own for text in row["ratios"].split())
     share = f"{100 * covered / quantities:.1f} % of {quantities}" if quantities else "–"
+    of_all = f"{100 * covered / (quantities + bounded):.1f} %" if quantities + bounded else "–"
     spread = f"{median(ratios):.2g}, {ratios[int(0.9 * len(ratios))]:.2g}" if ratios else "–"
     return [
-        str(len(own)), *outcomes, long, share, str(wrong), str(bounded), str(overstated) if ratios else "–", spread
+        str(len(own)), *outcomes, long, share, str(wrong), str(bounded), of_all,
+        str(overstated) if ratios else "–", spread
     ]  # fmt: skip
 
 

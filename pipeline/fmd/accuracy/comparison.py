@@ -97,7 +97,7 @@ class Comparison:
         steps = max(
             limits.COMPARED_IMPLICIT_STEPS, math.ceil(IMPLICIT_STEPS_IN_ACTION * duration / system.shortest_action)
         )
-        return GeneralizedAlpha(system.resolving_step(duration / steps)[0])
+        return GeneralizedAlpha(system.resolving_step(duration / steps)[0], limits.COMPARED_RHO)
 
     def march_beside(self, other: Pipeline) -> Motion:
         """Integrate a variant by the plan that variants are marched by; raises as `march`."""
