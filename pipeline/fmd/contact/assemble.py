@@ -7,6 +7,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from fmd.contact.columns import growing_function
 from fmd.contact.dense import ROUTINES, WORDS, lapack_addresses
 from fmd.contact.histories import BEGIN, END, MOST_WORN, N_VALUES, WORN
 from fmd.contact.round_laws import law_table
@@ -15,7 +16,7 @@ from fmd.contact.tables import ContactTable
 from fmd.contact.touching_body import ContactPlane, TouchingBody
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.code import DOUBLES_IN_LINE
-from fmd.core.limits.contact import KNOWN_RESPONSES, NEAR_RADIUS, NEAR_TRIANGLES
+from fmd.core.limits.contact import KNOWN_RESPONSES, MOST_POINTS, NEAR_RADIUS, NEAR_TRIANGLES
 
 
 def contact_table(
@@ -27,6 +28,7 @@ def contact_table(
     coordinates among n; ``shift`` is from a mode's rate to its position.
     """
     first = np.concatenate([[0], np.cumsum([len(body.points.x) for body in bodies])]).astype(np.int64)
+    most = [MOST_POINTS if len(body.points.soft) else len(body.points.x) for body in bodies]
     numbered = find_surfaces(bodies)
     groups = _groups(len(bodies), [surface for _, surface in numbered])
     order = np.argsort(groups, kind="stable")
@@ -35,13 +37,17 @@ def contact_table(
     point = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     group = np.append(point[np.searchsorted(groups[order], np.arange(groups.max() + 1))], point[-1])
     contact = np.array([numbered[k][0] for k in order], dtype=np.int64)
+    large = [any(len(bodies[k].points.soft) for k in (own.slave, own.master) if k >= 0) for own in surfaces]
+    width = np.diff(group)
+    for g in set((np.searchsorted(group, point[:-1][large], side="right") - 1).tolist()):
+        width[g] = min(width[g], MOST_POINTS)
     table = ContactTable(
-        **_bodies(bodies, links, modes, first, shift),
+        **_bodies(bodies, links, modes, first, np.append(0, np.cumsum(most)), shift),
         **_surfaces(surfaces, contact, point, bodies),
         **_triangles(surfaces, first),
         **_points(surfaces, counts, first, bodies),
-        **_rooms(group, np.array([own.of.damping for own in surfaces])[np.searchsorted(point, group[:-1])]),
-        **_friction_rooms(group, any(own.of.friction and not own.of.law for own in surfaces)),
+        **_rooms(group, width, np.array([own.of.damping for own in surfaces])[np.searchsorted(point, group[:-1])]),
+        **_friction_rooms(width, any(own.of.friction and not own.of.law for own in surfaces)),
         **_results(bodies, links, n_links, n),
     )
     for own, begin, end in zip(surfaces, point[:-1], point[1:], strict=True):
@@ -56,7 +62,8 @@ def _choose_all(table: ContactTable, body: TouchingBody, surface: ContactSurface
     g = int(np.searchsorted(table.group, begin))
     n, size, stride = end - begin, 3 * (end - begin), int(table.stride[g])
     if (
-        table.group[g] != begin
+        len(body.points.soft)
+        or table.group[g] != begin
         or table.group[g + 1] != end
         or not np.array_equal(surface.points, np.arange(len(body.points.x)))
     ):
@@ -92,19 +99,28 @@ def _groups(n_bodies: int, surfaces: Sequence[ContactSurface]) -> IntArray:
 
 
 def _bodies(
-    bodies: Sequence[TouchingBody], links: Sequence[int], modes: Sequence[IntArray], first: IntArray, shift: int
+    bodies: Sequence[TouchingBody],
+    links: Sequence[int],
+    modes: Sequence[IntArray],
+    first: IntArray,
+    rows: IntArray,
+    shift: int,
 ) -> dict[str, Any]:
-    size, most = int(first[-1]), int(np.diff(first).max())
+    size = int(first[-1])
     most_modes = max(1, *(len(own) for own in modes))
     mode, shapes = np.zeros((len(bodies), most_modes), dtype=np.int64), np.zeros((size, 3, most_modes))
     felt = max(6 * len(body.felt) for body in bodies)
-    G, yields = np.zeros((size, most, 3, 3)), np.zeros((size, 3, felt))
+    row, column = np.full((2, size), -1, dtype=np.int64)
+    G, yields = np.zeros((int(rows[-1]), int(np.diff(rows).max()), 3, 3)), np.zeros((size, 3, felt))
     for k, (body, own) in enumerate(zip(bodies, modes, strict=True)):
         at = slice(first[k], first[k + 1])
         mode[k, : len(own)] = own
         shapes[at, :, : len(own)] = body.points.shapes
         yields[at, :, : 6 * len(body.felt)] = body.felt_yields
-        G[at, : len(body.points.x)] = body.points.G.transpose(0, 2, 1, 3)
+        if not len(body.points.soft):
+            column[at] = np.arange(len(body.points.x))
+            row[at] = rows[k] + column[at]
+            G[rows[k] : rows[k + 1], : len(body.points.x)] = body.points.G.transpose(0, 2, 1, 3)
     return {
         "link": np.array(links, dtype=np.int64),
         "first": first,
@@ -116,6 +132,10 @@ def _bodies(
         "yields": yields,
         "felt": np.zeros((len(bodies), felt)),
         "G": G,
+        "row": row,
+        "column": column,
+        "wanted": np.zeros(size, dtype=np.int64),
+        "grow": growing_function([body.points.columns for body in bodies], first, rows, G.shape),
         "place": np.zeros((size, 3)),
         "radii": np.concatenate([body.points.radii for body in bodies]),
         "border": np.concatenate([body.points.border for body in bodies]).astype(np.int64),
@@ -235,14 +255,14 @@ def _points(
     }
 
 
-def _rooms(group: IntArray, damping: Array) -> dict[str, Any]:
-    counts = np.diff(group)
+def _rooms(group: IntArray, counts: IntArray, damping: Array) -> dict[str, Any]:
     stride = DOUBLES_IN_LINE * -(-3 * counts // DOUBLES_IN_LINE)
     ends = np.stack([np.cumsum(3 * counts * stride), np.cumsum(counts**2)], axis=1)
     first = np.concatenate([np.zeros((1, 2), dtype=np.int64), ends[:-1]])
     most = int(stride.max())
     return {
         "group": group,
+        "width": counts,
         "damping": damping,
         "share": np.ones(len(counts)),
         "noise": np.zeros(len(counts)),
@@ -263,8 +283,8 @@ def _rooms(group: IntArray, damping: Array) -> dict[str, Any]:
     }
 
 
-def _friction_rooms(group: IntArray, rubs: bool) -> dict[str, Any]:
-    counts = np.diff(group) if rubs else np.ones(len(group) - 1, dtype=np.int64)
+def _friction_rooms(width: IntArray, rubs: bool) -> dict[str, Any]:
+    counts = width if rubs else np.ones(len(width), dtype=np.int64)
     stride = DOUBLES_IN_LINE * -(-3 * counts // DOUBLES_IN_LINE)
     most, points = int(stride.max()), int(counts.max())
     return {

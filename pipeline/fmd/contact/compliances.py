@@ -12,12 +12,14 @@ from fmd.contact.tables import ContactTable
 from fmd.core.limits.code import DOUBLES_IN_LINE
 from fmd.core.limits.contact import TURNED_BLOCKS, TURNED_NORMALS, WIDER_BAND
 from fmd.kernels.kernel import inner
-from fmd.kernels.vectors import fill_vector, read_vector, write_vector
+from fmd.kernels.vectors import call_native, fill_vector, read_vector, write_vector
 
 
 @inner
-def choose_points(c: ContactTable, g: int) -> None:
+def choose_points(c: ContactTable, g: int) -> bool:
     """Choose the points of a group that may close, and bring the flexibilities between them up to date.
+
+    Returns false if they are more than there is room for.
 
     All points of a damped group are chosen: one that comes to touch has to begin with the displacement by what presses
     others, or energy would come out of nothing.
@@ -31,17 +33,21 @@ def choose_points(c: ContactTable, g: int) -> None:
             changed = changed or c.free[i, 0] < band or was_pressed(c, i)
     count = c.n_chosen[g]
     if changed:
-        count = 0
-        for i in range(first, last):
-            c.slot[i] = -1
-            if c.seen[i, 0] == 1 and (c.free[i, 0] < WIDER_BAND * band or was_pressed(c, i)):
-                c.chosen[first + count], c.slot[i] = i, count
-                count += 1
+        count = _choose(c, g, WIDER_BAND * band)
+        if 3 * count > c.stride[g]:
+            count = _choose(c, g, band)
+        if not _has_columns(c, g, count):
+            for i in range(first, last):
+                c.slot[i] = -1
+            c.n_chosen[g] = 0
+            return False
         c.n_chosen[g], c.inverted[g], c.swept[g], c.kept[0] = count, 0, 0, -1
         for own in range(count):
             _note_pose(c, c.chosen[first + own])
             for other in range(own + 1):
                 _set_block(c, g, own, other)
+    elif not _has_columns(c, g, count):
+        return False
     else:
         for own in range(count):
             i = c.chosen[first + own]
@@ -53,6 +59,43 @@ def choose_points(c: ContactTable, g: int) -> None:
                     _set_block(c, g, own, other)
     if changed:
         c.n_factored[g] = -2
+    return True
+
+
+@inner
+def _choose(c: ContactTable, g: int, band: float) -> int:
+    """Choose the points of a group with gaps below a band, or with a force at the last step, and return how many."""
+    count = 0
+    for i in range(c.group[g], c.group[g + 1]):
+        c.slot[i] = -1
+        if c.seen[i, 0] == 1 and (c.free[i, 0] < band or was_pressed(c, i)):
+            c.chosen[c.group[g] + count], c.slot[i] = i, count
+            count += 1
+    return count
+
+
+@inner
+def _has_columns(c: ContactTable, g: int, count: int) -> bool:
+    """Return true if flexibilities of all nodes that chosen points move are at hand, after those new were found."""
+    if c.grow == 0:
+        return True
+    missing = False
+    for own in range(count):
+        i = c.chosen[c.group[g] + own]
+        missing = missing or c.column[c.node[i]] < 0
+        for e in range(3 if c.master[c.surface[i]] >= 0 and c.primitive[c.surface[i], 0] == 0.0 else 0):
+            missing = missing or c.column[c.foot[i, e]] < 0
+    if 3 * count > c.stride[g] or not missing:
+        return bool(3 * count <= c.stride[g])
+    for k in range(c.wanted.size):
+        c.wanted[k] = 0
+    for own in range(count):
+        i = c.chosen[c.group[g] + own]
+        c.wanted[c.node[i]] = 1
+        for e in range(3 if c.master[c.surface[i]] >= 0 and c.primitive[c.surface[i], 0] == 0.0 else 0):
+            c.wanted[c.foot[i, e]] = 1
+    call_native(c.grow, (c.wanted, c.row, c.column, c.G))
+    return bool(c.wanted[0] >= 0)
 
 
 @inner
@@ -103,27 +146,21 @@ def _set_block(c: ContactTable, g: int, own: int, other: int) -> None:
     s, r = c.surface[i], c.surface[j]
     _clear(c)
     if c.slave[s] == c.slave[r]:
-        start = c.first[c.slave[s]]
         for a in range(3):
             for b in range(3):
-                c.block[a, b] = c.G[c.node[i], c.node[j] - start, a, b]
+                c.block[a, b] = c.G[c.row[c.node[i]], c.column[c.node[j]], a, b]
     if c.master[r] == c.slave[s]:
-        start = c.first[c.slave[s]]
         for e in range(3):
-            _add_product(c, c.node[i], c.foot_then[j, e] - start, c.weights_then[j, e])
+            _add_product(c, c.node[i], c.foot_then[j, e], c.weights_then[j, e])
         _add_turned(c, i, j, False, True, -1.0)
     if c.master[s] == c.slave[r]:
-        start = c.first[c.slave[r]]
         for e in range(3):
-            _add_product(c, c.foot_then[i, e], c.node[j] - start, c.weights_then[i, e])
+            _add_product(c, c.foot_then[i, e], c.node[j], c.weights_then[i, e])
         _add_turned(c, i, j, True, False, -1.0)
     if c.master[s] == c.master[r] and c.master[s] >= 0:
-        start = c.first[c.master[s]]
         for e in range(3):
             for d in range(3):
-                _add_product(
-                    c, c.foot_then[i, e], c.foot_then[j, d] - start, c.weights_then[i, e] * c.weights_then[j, d]
-                )
+                _add_product(c, c.foot_then[i, e], c.foot_then[j, d], c.weights_then[i, e] * c.weights_then[j, d])
         _add_turned(c, i, j, True, True, 1.0)
     more = 1.0 + c.softness[s] if own == other else 1.0
     stride = c.stride[g]
@@ -143,11 +180,11 @@ def _clear(c: ContactTable) -> None:
 
 @inner
 def _add_product(c: ContactTable, k: int, m: int, weight: float) -> None:
-    """Add a weighted block of G, of a node and of one counted in its body, to what is to be turned."""
+    """Add a weighted block of G, of two nodes of a body, to what is to be turned."""
     if weight != 0.0:
         for a in range(3):
             for b in range(3):
-                c.product[a, b] += weight * c.G[k, m, a, b]
+                c.product[a, b] += weight * c.G[c.row[k], c.column[m], a, b]
 
 
 @inner
@@ -173,7 +210,7 @@ def _add_turned(c: ContactTable, i: int, j: int, left: bool, right: bool, sign: 
 @inner
 def _set_along_normals(c: ContactTable, g: int) -> None:
     first, count, stride = c.group[g], c.n_chosen[g], c.stride[g]
-    size, d, n = c.group[g + 1] - first, c.first_entry[g, 0], c.first_entry[g, 1]
+    size, d, n = c.width[g], c.first_entry[g, 0], c.first_entry[g, 1]
     c.n_factored[g] = -1
     for own in range(count):
         i = c.chosen[first + own]

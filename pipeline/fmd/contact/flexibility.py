@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fmd.contact.columns import motions_of_all
 from fmd.contact.touching_body import ContactPoints
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits import contact as limits
@@ -72,26 +73,45 @@ def contact_points(
             raise ValueError(f"{name} {error}") from error
     corners = [own.ravel() for own in triangles.values()]
     at: IntArray = np.unique(np.concatenate([*(nodes for nodes, _ in pressed.values()), *corners]))
-    if (n := len(at)) > limits.MOST_POINTS:
+    if (n := len(at)) > limits.MOST_OF_FACES:
         raise ValueError(
-            f"{', '.join(faces)}: {n} points, of which {limits.MOST_POINTS} can be followed; a smaller face "
+            f"{', '.join(faces)}: {n} points, of which {limits.MOST_OF_FACES} can be followed; a smaller face "
             "or larger elements work"
         )
     numbers = {name: np.searchsorted(at, nodes) for name, (nodes, _) in pressed.items()}
     areas = {name: area for name, (_, area) in pressed.items()}
-    whole = solver.flexibility(at)
+    V, G, raised = _elastic_shapes(fe, solver, body)[at] / body.omega, np.zeros((0, 3, 0, 3)), 0.0
+    soft, held, W = np.zeros(0), np.zeros((0, 0)), np.zeros((0, 3, 0))
     try:
-        G, raised = _raised(whole - _modal_flexibility(fe, solver, body, at), whole)
+        if n <= limits.MOST_POINTS:
+            whole = solver.flexibility(at)
+            G, raised = _raised(whole - (V := V.reshape(3 * n, -1)) @ V.T, whole)
+            G = G.reshape(n, 3, n, 3)
+        else:
+            soft, held, W, raised = motions_of_all(at, body.x[at], body.shapes[at], solver.responder(), V)
     except np.linalg.LinAlgError as error:
         raise ValueError(f"{', '.join(faces)}: points move as a rigid part; a face that deforms works") from error
     shapes = np.ascontiguousarray(body.shapes[at])
     surfaces = {name: np.searchsorted(at, own) for name, own in triangles.items()}
     (material, _), *others = fe.material.over(slice(None))
     elastic = None if others else material.isotropic
-    G = G.reshape(n, 3, n, 3)
     x = body.x[at].copy()
     yields = find_yields(fe, solver, body, at, loaded)
-    return ContactPoints(x, areas, shapes, G, numbers, raised, surfaces, elastic=elastic, nodes=at, yields=yields)
+    return ContactPoints(
+        x,
+        areas,
+        shapes,
+        G,
+        numbers,
+        raised,
+        surfaces,
+        elastic=elastic,
+        nodes=at,
+        yields=yields,
+        soft=soft,
+        held=held,
+        left_to_modes=W,
+    )
 
 
 def find_yields(
@@ -104,12 +124,6 @@ def find_yields(
         modal = np.einsum("nam,nak->mk", V[marker.nodes], f[marker.nodes]) / body.omega[:, None] ** 2
         found[name] = solver.remembered_response(f)[nodes] - V[nodes] @ modal
     return found
-
-
-def _modal_flexibility(fe: FEModel, solver: FreeBodySolver, body: FlexibleBody, nodes: IntArray) -> Array:
-    """Return the part of the flexibility that the modes have, (3 n, 3 n)."""
-    V = _elastic_shapes(fe, solver, body)[nodes].reshape(3 * len(nodes), -1) / body.omega
-    return np.asarray(V @ V.T)
 
 
 def _elastic_shapes(fe: FEModel, solver: FreeBodySolver, body: FlexibleBody) -> Array:

@@ -245,11 +245,11 @@ def _place_force(
     """Find where the force on a point acts: at the place that its own body's part of the flexibility gives it."""
     s, k, moving = c.surface[i], c.node[i], 1.0
     if c.master[s] >= 0:
-        own = _trace(c, k, k, c.slave[s], way, dG, soft)
+        own = _trace(c, k, k, way, dG, soft)
         whole = own
         for e in range(3 if c.primitive[s, 0] == 0.0 else 0):
             for d in range(3):
-                both = _trace(c, c.foot_then[i, e], c.foot_then[i, d], c.master[s], way, dG, soft)
+                both = _trace(c, c.foot_then[i, e], c.foot_then[i, d], way, dG, soft)
                 whole += m.weights[i, e] * m.weights[i, d] * both
         moving = own / ((1.0 + c.softness[s]) * whole)
     link = c.link[c.slave[s]]
@@ -260,10 +260,10 @@ def _place_force(
 
 
 @inner
-def _trace(c: ContactTable, k: int, other: int, body: int, way: float, dG: Array, soft: int) -> float:
+def _trace(c: ContactTable, k: int, other: int, way: float, dG: Array, soft: int) -> float:
     total = 0.0
     for a in range(3):
-        total += _entry(c, k, other, body, a, a, way, dG, soft)
+        total += _entry(c, k, other, a, a, way, dG, soft)
     return float(total)
 
 
@@ -307,16 +307,15 @@ def _add_forces(c: ContactTable, i: int, m: HeldRoom) -> None:
 @inner
 def _move_node(c: ContactTable, k: int, body: int, way: float, dG: Array, soft: int, m: HeldRoom) -> None:
     """Find a node's displacement by the forces on all nodes of its body."""
-    start = c.first[body]
     for a in range(3):
         m.way[a] = 0.0
-    for j in range(start, c.first[body + 1]):
+    for j in range(c.first[body], c.first[body + 1]):
         if m.forces[j, 0] != 0.0 or m.forces[j, 1] != 0.0 or m.forces[j, 2] != 0.0:
             for a in range(3):
                 for b in range(3):
-                    m.way[a] += c.G[k, j - start, a, b] * m.forces[j, b]
+                    m.way[a] += c.G[c.row[k], c.column[j], a, b] * m.forces[j, b]
                     if soft == 1:
-                        m.way[a] += way * dG[k, j - start, a, b] * m.forces[j, b]
+                        m.way[a] += way * dG[c.row[k], c.column[j], a, b] * m.forces[j, b]
 
 
 @inner
@@ -325,11 +324,11 @@ def _move_softly(c: ContactTable, i: int, way: float, dG: Array, soft: int, m: H
     s, k = c.surface[i], c.node[i]
     for a in range(3):
         for b in range(3):
-            m.moved[i, a] += c.softness[s] * _entry(c, k, k, c.slave[s], a, b, way, dG, soft) * m.pushes[i, b]
+            m.moved[i, a] += c.softness[s] * _entry(c, k, k, a, b, way, dG, soft) * m.pushes[i, b]
             below = 0.0
             for e in range(3):
                 for d in range(3):
-                    own = _entry(c, c.foot_then[i, e], c.foot_then[i, d], c.master[s], a, b, way, dG, soft)
+                    own = _entry(c, c.foot_then[i, e], c.foot_then[i, d], a, b, way, dG, soft)
                     below += c.softness[s] * m.weights[i, e] * m.weights[i, d] * own
             for o in range(3):
                 for r in range(3):
@@ -337,6 +336,6 @@ def _move_softly(c: ContactTable, i: int, way: float, dG: Array, soft: int, m: H
 
 
 @inner
-def _entry(c: ContactTable, k: int, other: int, body: int, a: int, b: int, way: float, dG: Array, soft: int) -> float:
-    at = other - c.first[body]
-    return float(c.G[k, at, a, b] + (way * dG[k, at, a, b] if soft == 1 else 0.0))
+def _entry(c: ContactTable, k: int, other: int, a: int, b: int, way: float, dG: Array, soft: int) -> float:
+    row, at = c.row[k], c.column[other]
+    return float(c.G[row, at, a, b] + (way * dG[row, at, a, b] if soft == 1 else 0.0))

@@ -20,7 +20,7 @@ def find_normal_forces(c: ContactTable, g: int) -> bool:
     """
     keep_along_normals(c, g)
     first, count = c.group[g], c.n_chosen[g]
-    size, n = c.group[g + 1] - first, c.first_entry[g, 1]
+    size, n = c.width[g], c.first_entry[g, 1]
     for change in range(SET_CHANGES):
         if not _factor_active(c, g):
             return False
@@ -72,7 +72,7 @@ def _factor_active(c: ContactTable, g: int) -> bool:
             c.factored[first + active] = own
             active += 1
     c.n_factored[g] = -1
-    size, n = c.group[g + 1] - first, c.first_entry[g, 1]
+    size, n = c.width[g], c.first_entry[g, 1]
     for i in range(active):
         row = n + c.factored[first + i] * size
         own = n + i * size
@@ -92,8 +92,8 @@ def _factor_active(c: ContactTable, g: int) -> bool:
 @inner
 def solve_active(c: ContactTable, g: int) -> None:
     """Solve ``L Lᵀ x = b`` of the active points into b."""
-    first, count = c.group[g], c.n_factored[g]
-    size, n = c.group[g + 1] - first, c.first_entry[g, 1]
+    count = c.n_factored[g]
+    size, n = c.width[g], c.first_entry[g, 1]
     for i in range(count):
         row = n + i * size
         c.b[i] = (c.b[i] - dot(c.L, row, c.b, 0, i)) / c.L[row + i]

@@ -45,9 +45,9 @@ def _place_force(c: ContactTable, g: int, own: int, R: Array) -> None:
     i, moving = c.chosen[c.group[g] + own], 1.0
     s, k = c.surface[i], c.node[i]
     if c.master[s] >= 0:
-        at, m = c.first_entry[g, 0] + 3 * own * (c.stride[g] + 1), k - c.first[c.slave[s]]
+        at, r, m = c.first_entry[g, 0] + 3 * own * (c.stride[g] + 1), c.row[k], c.column[k]
         whole = c.D[at] + c.D[at + c.stride[g] + 1] + c.D[at + 2 * c.stride[g] + 2]
-        moving = (c.G[k, m, 0, 0] + c.G[k, m, 1, 1] + c.G[k, m, 2, 2]) / whole
+        moving = (c.G[r, m, 0, 0] + c.G[r, m, 1, 1] + c.G[r, m, 2, 2]) / whole
     for a in range(3):
         c.at[i, a] = c.place[k, a]
         for b in range(3):

@@ -6,7 +6,7 @@ import numpy as np
 
 from fmd.contact.histories import IMPULSE
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.contact import ROUNDED_PLACE
+from fmd.core.limits.contact import MOST_POINTS, ROUNDED_PLACE
 from fmd.kernels.table import Table
 
 
@@ -32,7 +32,12 @@ class ContactTable(Table):
     x: Array  # (n_nodes, 3): undeformed, in their body's frame [m]
     shapes: Array  # (n_nodes, 3, most modes)
     yields: Array  # (n_nodes, 3, most felt): displacements by unit forces on markers, beside the modes [m/N]
-    G: Array  # (n_nodes, most nodes of a body, 3, 3), the second from the body's first node on
+    # (n_rows, most of a body, 3, 3): of nodes that have a row and, counted in their body, a column
+    G: Array
+    row: IntArray  # (n_nodes,): -1 without
+    column: IntArray  # (n_nodes,)
+    wanted: IntArray  # (n_nodes,): 1 of nodes that have to have one
+    grow: int  # address of the function that finds those, 0 if all have
     place: Array  # (n_nodes, 3): deformed, in space [m]
     radii: Array  # (n_nodes,): of round points [m]; 0 of others
     border: IntArray  # (n_nodes,): 1 at the border of a grid that is smaller than its face
@@ -127,6 +132,7 @@ class ContactTable(Table):
     damping: Array  # (n_groups,): time β [s]
     share: Array  # (n_groups,): part of new forces that is elastic at once, h/(h + β)
     group: IntArray  # (n_groups + 1,): its first point
+    width: IntArray  # (n_groups,): points that may be chosen, and entries in a row of N and L
     noise: Array  # (n_groups,): round-off of places [m]
     band: Array  # (n_groups,): gaps below this may close [m]
     chosen: IntArray  # (n,): points that may close, from the group's first entry on
@@ -180,7 +186,8 @@ class ContactTable(Table):
     now: Array  # (n_contacts, N_VALUES): values at the state looked at
     sums: Array  # (n_contacts, N_VALUES): those that add up, at the last step
     end_share: Array  # (1,): of the force at a step's end in the mean over the step
-    clock: Array  # (2,): time of the last step; 0 if forces were found, 1 if not, 2 where a point is deep at first
+    # (2,): time of the last step; 0 if forces were found, 1 if not, 2 where a point is deep at first, 3: too many near
+    clock: Array
     state: IntArray  # (1,): number of the state looked at
 
     @property
@@ -195,6 +202,11 @@ class ContactTable(Table):
             return (
                 "a point came deep into a body past the edge of its face; a marker with the faces around it, or a "
                 "shorter step, helps"
+            )
+        if self.clock[1] == 3.0:
+            return (
+                f"more than {MOST_POINTS} points come near at once, with damping all before a plane; a smaller face, "
+                "larger elements or no damping helps"
             )
         return "their iterations don't settle; a shorter step or less friction helps" if self.clock[1] else ""
 

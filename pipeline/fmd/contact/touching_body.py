@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import cho_factor
 from scipy.linalg.lapack import dpotri
 
+from fmd.contact.columns import Columns, stiffness_of_all
 from fmd.contact.primitives import Primitive
 from fmd.contact.recorded import ContactRecord
 from fmd.contact.round_laws import RoundLaw
@@ -40,7 +41,8 @@ class ContactPoints:
     x: Array  # (n, 3): undeformed positions in the body's frame [m]
     areas: Mapping[str, Array]  # force on each of a face's points by a pressure of 1 on it [m²]
     shapes: Array  # (n, 3, n_modes): displacements for unit modal coordinates [kg^-1/2]
-    G: Array  # (n, 3, n, 3): residual flexibility [m/N], symmetric and positive definite
+    # (n, 3, n, 3): residual flexibility [m/N], symmetric and positive definite; (0, 3, 0, 3) of more than `MOST_POINTS`
+    G: Array
     faces: Mapping[str, IntArray]  # numbers of the points that carry pressure on each face, by its marker's name
     raised: float = 0.0  # share of its directions in which modes left too little, and G has been raised
     # (n_triangles, 3): points at the corners of the triangles of each face that may touch one of another body,
@@ -62,6 +64,11 @@ class ContactPoints:
     primitives: Mapping[str, Primitive] = field(default_factory=dict)
     # (n, 3, 6) each: by which unit forces [m/N] and moments [m/(N m)] on markers move points beside the modes
     yields: Mapping[str, Array] = field(default_factory=dict)
+    # Of more than `MOST_POINTS`.
+    soft: Array = field(default_factory=lambda: np.zeros(0))  # (n,): each one's own flexibility, bounded [m/N]
+    held: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (6 + n_modes,) * 2: stiffness of all held
+    left_to_modes: Array = field(default_factory=lambda: np.zeros((0, 3, 0)))  # (n, 3, n_modes): W, by G = K⁺ - W Wᵀ
+    columns: Columns | None = None  # what finds G
 
     def __post_init__(self) -> None:
         n = len(self.x)
@@ -76,7 +83,7 @@ class ContactPoints:
         for name, numbers in self.faces.items():
             require_shape(f"areas of {name}", self.areas[name], (len(numbers),))
         require_shape("shapes", self.shapes, (n, 3, None))
-        require_shape("G", self.G, (n, 3, n, 3))
+        require_shape("G", self.G, (n, 3, n, 3) if not len(self.soft) else (0, 3, 0, 3))
 
     def on_nodes(self, forces: Array) -> Array:
         """Return the forces on `nodes` of forces on points, (n_times, n, 3) and (n_times, n_nodes, 3)."""
@@ -115,7 +122,11 @@ class ContactPoints:
     @property
     def softness(self) -> Array:
         """Bound of each point's own residual flexibility in any direction [m/N], shape (n,)."""
-        return np.asarray(np.einsum("iaia->i", self.G))
+        return self.soft if len(self.soft) else np.asarray(np.einsum("iaia->i", self.G))
+
+    def between(self, numbers: IntArray) -> Array:
+        """Return the flexibility between some points, (k, 3, k, 3)."""
+        return self.G[numbers][:, :, numbers] if self.columns is None else self.columns.between(numbers)
 
 
 @dataclass(frozen=True)
@@ -217,7 +228,7 @@ class TouchingBody:
     @property
     def digest(self) -> str:
         """Digest of all numbers."""
-        arrays = ("x", "shapes", "G", "radii", "shares")
+        arrays = ("x", "shapes", "G", "radii", "shares", "soft", "held", "left_to_modes")
         own = [*(getattr(self.points, name) for name in arrays), *self.points.areas.values()]
         own += [x for plane in self.planes for x in (plane.position, plane.normal)]
         own += self.anchor or ()
@@ -234,6 +245,8 @@ class TouchingBody:
 
         Velocities are in the body's axes. Any fewer points, and any of their directions alone, are less stiff.
         """
+        if len(self.points.soft):
+            return stiffness_of_all(self.points.x, self.points.shapes, self.points.held, J)
         n = 3 * len(self.points.x)
         rows = J.reshape(n, J.shape[2])
         return np.asarray(rows.T @ np.linalg.solve(self.points.G.reshape(n, n), rows))

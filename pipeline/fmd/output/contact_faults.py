@@ -97,7 +97,8 @@ def _joint_faults(run: Pipeline, body: TouchingBody) -> Iterator[str]:
     for k in pressed if ends else ():
         part = motion.part(k, k + 1)
         R, f = part.kinematics.frames[motion.mechanism.number_of(body.body)].rotation[0], forces[k]
-        own += float(np.einsum("na,namb,mb->", f, body.points.G, f))
+        at = np.flatnonzero(f.any(axis=1))
+        own += float(np.einsum("na,namb,mb->", f[at], body.points.between(at), f[at]))
         for j, (name, side, marker) in enumerate(ends):
             wrench = (part.joint_loads.reactions[name][0, side].reshape(2, 3) @ R).ravel()
             works[j] += np.einsum("na,nak,k->", f, body.points.yields[marker], wrench)

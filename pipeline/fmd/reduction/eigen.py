@@ -183,20 +183,23 @@ class FreeBodySolver:
         return self._nodal(solve_balanced(self._K, self._M, self._R, *given))
 
     def flexibility(self, nodes: IntArray) -> Array:
-        """Return the displacements of nodes by unit forces on each, ``Bᵀ K⁺ B`` (3 n, 3 n) [m/N].
+        """Return displacements of nodes by unit forces, ``Bᵀ K⁺ B`` (3 n, 3 n) [m/N], K⁺ `static_response`."""
+        size, most, respond = 3 * len(nodes), COLUMNS_AT_ONCE, self.responder()
+        units = (np.eye(size, min(most, size - k), -k) for k in range(0, size, most))
+        G = np.concatenate([respond(nodes, f) for f in units], axis=1)
+        return np.asarray(0.5 * (G + G.T))
 
-        K⁺ is `static_response`. A second factor, of the body held at six unknowns, makes it one solution a column.
-        """
+    def responder(self) -> Callable[[IntArray, Array], Array]:
+        """Return what finds displacements of nodes by forces on them, (3 n, k) each, one solution a column."""
         inverse = self._factorise(held_stiffness(self._K, self._R)).solve if self._R.shape[1] else self._inverse
-        size = 3 * len(nodes)
-        G = np.empty((size, size))
-        for first in range(0, size, COLUMNS_AT_ONCE):
-            columns = np.arange(first, min(first + COLUMNS_AT_ONCE, size))
-            f = np.zeros((len(self._fe.x), 3, len(columns)))
-            f[nodes[columns // 3], columns % 3, columns - first] = 1.0
+
+        def respond(nodes: IntArray, forces: Array) -> Array:
+            f = np.zeros((len(self._fe.x), 3, forces.shape[1]))
+            f[nodes] = forces.reshape(len(nodes), 3, -1)
             u = flexibility_at(self._K, self._M, self._R, inverse, self._loads(f))
-            G[:, columns] = (self.static_response(f) if u is None else self._nodal(u))[nodes].reshape(size, -1)
-        return 0.5 * (G + G.T)
+            return (self.static_response(f) if u is None else self._nodal(u))[nodes].reshape(forces.shape)
+
+        return respond
 
     def remembered_response(self, f: Array) -> Array:
         """Return `static_response` of loads, of which only those are solved for that it hasn't had before.
@@ -218,8 +221,7 @@ class FreeBodySolver:
     def inertia_response(self, u: Array) -> Array:
         """Deflections ``(K − σ M)⁻¹ M u`` by the inertia of fields u (n_nodes, 3, k), without any rigid motion."""
         R, flat = self.rigid_modes, u.reshape(self._fe.K.shape[0], -1)
-        MR = self._fe.M @ R
-        rigid_mass = R.T @ MR
+        rigid_mass = R.T @ (MR := self._fe.M @ R)
         load = self._fe.M @ flat - MR @ np.linalg.solve(rigid_mass, MR.T @ flat)
         bent = self._nodal(self._inverse(load if self._T is None else self._T.T @ load)).reshape(flat.shape)
         return np.asarray(bent - R @ np.linalg.solve(rigid_mass, MR.T @ bent)).reshape(u.shape)

@@ -57,8 +57,10 @@ def refine_near_field(
         The scene asks for a grid, and the face or the modes have no place for it, or nothing tells its size.
     """
     contact, key = scene.contact[plane.name], f"contact.{plane.name}"
-    if contact.near_field == "mesh" or points.elastic is None or plane.face in points.surfaces:
-        _require_mesh(scene, plane, "is of several materials, or touches a body, too")
+    if contact.near_field == "mesh" or points.elastic is None or plane.face in points.surfaces or len(points.soft):
+        _require_mesh(
+            scene, plane, "is of several materials, touches a body, too, or is of a body with more than 1,000 points"
+        )
         return points, "mesh"
     at = None
     if not points.is_flat(plane.face):

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fmd.contact.columns import Columns
 from fmd.contact.flexibility import contact_points, find_residual_fields
 from fmd.contact.touching_body import ContactPair, ContactPoints, TouchingBody
 from fmd.core.errors import AccuracyError, InputError, as_input_error
+from fmd.core.limits.contact import MOST_POINTS
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
@@ -73,7 +75,7 @@ def add_contacts(run: Pipeline, mechanism: Mechanism) -> Mechanism:
     """
     require_steps_of_modes(run.scene, mechanism)
     bodies = {
-        body: TouchingBody(body, run.parts[body].contact_points, felt=run.scene.markers_under_load(body))
+        body: TouchingBody(body, _followed_points(run, body), felt=run.scene.markers_under_load(body))
         for _, body, _ in run.scene.touching_faces
     }
     start = StartPose(run.divided_scene, mechanism)
@@ -102,6 +104,20 @@ def add_contacts(run: Pipeline, mechanism: Mechanism) -> Mechanism:
         if any(contact.friction for contact in run.scene.contact.values()):
             bodies = _hold_where_they_lie(run, replace(mechanism, contacts=list(bodies.values())), bodies)
     return replace(mechanism, contacts=list(bodies.values()))
+
+
+def _followed_points(run: Pipeline, body: str) -> ContactPoints:
+    """Return a flexible body's points, of many with what finds their flexibility as they come near."""
+    part, points = run.parts[body], run.parts[body].contact_points
+    if not len(points.soft):
+        return points
+    if run.scene.simulation.start == "equilibrium":
+        fault = f"body {body} has {len(points.x)} points of contact; a body is set down on at most {MOST_POINTS}"
+        raise InputError(run.scene.file, "simulation.start", "equilibrium", fault)
+    name = part.key("contact")
+    return replace(
+        points, columns=Columns(points.nodes, points.left_to_modes, part.model.solver.responder, run.store.cache, name)
+    )
 
 
 def _hold_where_they_lie(

@@ -3,7 +3,11 @@
 # Points.
 LEAST_SHARE = 0.05  # of the largest nodal force by a constant pressure: nodes with less carry none
 OTHER_FACETS = 0.03  # of a face's area: difference of its nodal forces' sum from that of facets of one kind
-MOST_POINTS = 1000  # of a body: their flexibility takes 72 MB
+MOST_POINTS = 1000  # that are followed at once, all of a body with no more: their flexibility takes 72 MB
+MOST_OF_FACES = 20_000  # points of a body, each of which takes three static responses before the march
+CONJUGATE_ROUNDS = 500  # of gradients for forces that hold all of more points than that
+HELD_RESIDUAL = 1e-7  # of the work of these forces: what is left of their displacement
+COLUMNS_KEPT = 256 * 2**20  # bytes of columns of points that touched once, from which on the oldest are left out
 COLUMNS_AT_ONCE = 96  # static responses that are computed together
 
 # Residual flexibility.

@@ -1,0 +1,113 @@
+"""Faces with more points than are followed at once, against the same faces with all of them."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fmd import Pipeline, load_scene
+from fmd.contact import assemble
+from fmd.contact.touching_body import TouchingBody
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError, StabilityError
+from fmd.core.limits import contact as limits
+from fmd.stages.contacts import find_contact_points
+from tests.contact.test_between_nodes import BODY, STEEL, free
+from tests.contact.test_contact_points import BLOCK, block
+from tests.contact.test_pairs import rod_on_block
+
+FRICTION = 0.3
+
+
+def ball_along_plate(modes: int) -> Pipeline:
+    """A ball of 3 m that comes down on a plate of 9 × 9 points at 1 m/s, and 100 m/s along it."""
+    plate: dict[str, Any] = BLOCK["body"]["block"] | {
+        "length": 0.04,
+        "depth": 0.01,
+        "width": 0.04,
+        "mesh": {"divisions": [8, 1, 8], "order": 1},
+        "modes": {"count": modes, "enrich": "none"},
+        "marker": {"middle": {"at": [0.02, 0, 0]}, "above": {"face": "y+"}},
+    }
+    joints = {
+        "flight": free("ball.centre", [-0.003, 3.005001, 0.0003], [100.0, -1.0, 0]),
+        "rest": free("plate.middle", [0, 0, 0], [0, 0, 0]),
+    }
+    ball = BODY | {"surface": {"skin": {"type": "ball", "radius": 3.0, **STEEL}}}
+    scene = BLOCK | {
+        "body": {"plate": plate, "ball": ball},
+        "joint": joints,
+        "contact": {"hit": {"between": ["plate.above", "ball.skin"], "friction": FRICTION}},
+        "simulation": BLOCK["simulation"]
+        | {"duration": 6e-5, "output_step": 2e-6, "step": 1.8e-7, "tip": "ball.centre", "gravity": [0, 0, 0]},
+    }
+    return Pipeline(load_scene(scene))
+
+
+def with_few(run: Pipeline, body: str, most: int, monkeypatch: pytest.MonkeyPatch) -> Pipeline:
+    """The same scene, of whose points so many are followed at once."""
+    few = Pipeline(run.scene)
+    for module in (limits, assemble):
+        monkeypatch.setattr(module, "MOST_POINTS", most)
+    few.parts[body].results["contact"] = find_contact_points(few.parts[body])
+    return few
+
+
+def forces(run: Pipeline, body: str) -> Array:
+    assert run.motion.touched is not None
+    return run.motion.touched.forces[body]
+
+
+@pytest.mark.parametrize("modes", [6, 30])
+def test_points_that_come_near_have_the_forces_of_all(modes: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the same step: one that differs by a billionth changes forces by a ten millionth."""
+    whole = ball_along_plate(modes)
+    expected, limit, all_points = forces(whole, "plate"), whole.system.largest_step, whole.parts["plate"].contact_points
+    few = with_few(whole, "plate", 64, monkeypatch)
+    found = forces(few, "plate")
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
+    assert few.system.largest_step == pytest.approx(limit, rel=1e-6)
+    own = few.parts["plate"].contact_points
+    np.testing.assert_allclose(own.softness, all_points.softness, rtol=1e-6)
+    touched = next(body for body in few.system.mechanism.contacts if body.body == "plate").points
+    assert touched.columns is not None
+    assert (np.abs(expected).max(axis=(0, 2)) > 0.0).sum() >= 4
+    some = np.arange(0, len(own.x), 5)
+    entries = all_points.between(some)
+    np.testing.assert_allclose(touched.between(some), entries, rtol=0.0, atol=1e-9 * np.abs(entries).max())
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_nodes_below_points_and_corners_have_columns_too(friction: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = rod_on_block(friction, "1.6 us")
+    expected = forces(whole, "rod")
+    found = forces(with_few(whole, "block", 20, monkeypatch), "rod")
+    assert np.abs(expected).max() > 0.0
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
+
+
+def test_flexibility_that_modes_have_nearly_all_of_is_raised_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of each direction in which they leave less than a thousandth of the whole."""
+    whole = block("body.block.modes.count=150")
+    expected = whole.parts["block"].contact_points
+    few = with_few(whole, "block", 8, monkeypatch)
+    (touching,) = few.system.mechanism.contacts
+    assert expected.raised > 0.0
+    assert touching.points.raised == pytest.approx(expected.raised)
+    everything = np.arange(len(expected.x))
+    np.testing.assert_allclose(touching.points.between(everything), expected.G, atol=1e-9 * np.abs(expected.G).max())
+    J = np.concatenate([np.broadcast_to(np.eye(3), (len(expected.x), 3, 3)), expected.shapes], axis=2)
+    stiffness = TouchingBody("block", expected).stiffness(J)
+    np.testing.assert_allclose(touching.stiffness(J), stiffness, atol=1e-6 * np.abs(stiffness).max())
+
+
+def test_a_body_with_many_points_is_not_set_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    few = with_few(block('simulation.start="equilibrium"'), "block", 8, monkeypatch)
+    with pytest.raises(InputError, match="a body is set down on at most 1000"):
+        _ = few.motion
+
+
+def test_more_points_at_once_than_there_is_room_for_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    few = with_few(block(), "block", 8, monkeypatch)
+    with pytest.raises(StabilityError, match="more than 1000 points come near at once"):
+        _ = few.motion
