@@ -42,9 +42,10 @@ def motions_of_all(
     kept = np.clip(parts, 0.0, 1.0 - limits.LEAST_FLEXIBILITY)
     W = W @ U * np.sqrt(kept / np.where(parts > 0.0, parts, 1.0))
     Y = held.T @ W
-    soft = np.trace(own, axis1=1, axis2=2) - (W**2).reshape(n, -1).sum(axis=1)
+    V = W.reshape(n, 3, -1)
+    soft = np.linalg.eigvalsh(own - V @ V.transpose(0, 2, 1))[:, -1]
     stiffness = E.T @ held + Y / (1.0 - kept) @ Y.T
-    return soft, stiffness, W.reshape(n, 3, -1), float((parts > kept).sum()) / (3 * n)
+    return soft, stiffness, V, float((parts > kept).sum()) / (3 * n)
 
 
 def stiffness_of_all(x: Array, shapes: Array, held: Array, J: Array) -> Array:
@@ -106,6 +107,8 @@ class Columns:
 
     def between(self, numbers: IntArray) -> Array:
         """Return the flexibility between some points, (k, 3, k, 3)."""
+        if not len(numbers):
+            return np.zeros((0, 3, 0, 3))
         new = [k for k in numbers.tolist() if k not in self._known and not self._stored(k)]
         for first in range(0, len(new), limits.COLUMNS_AT_ONCE // 3):
             some = np.array(new[first : first + limits.COLUMNS_AT_ONCE // 3])
@@ -131,25 +134,28 @@ class Columns:
 def growing_function(bodies: Sequence[Columns | None], first: IntArray, rows: IntArray, shape: tuple[int, ...]) -> int:
     """Return the address of what fills a table's rows of G, of that shape, for the nodes wanted; 0 if all have them.
 
-    Bodies have nodes and rows from ``first`` and ``rows`` (n_bodies + 1,) on. Where the nodes wanted are too many the
-    first mark becomes negative.
+    Bodies have nodes and rows from ``first`` and ``rows`` (n_bodies + 1,) on. Its first mark becomes 1, 0 where columns
+    weren't found, and -1 where the nodes wanted are too many.
     """
 
     def grow(*places: int) -> None:
         size = int(first[-1])
         wanted, row, column = (_view(at, ctypes.c_int64, (size,)) for at in places[:3])
-        asked = wanted.copy()
-        wanted[0], G = -1, _view(places[3], ctypes.c_double, shape)
-        for k, body in enumerate(bodies):
-            own, at, numbers = slice(first[k], first[k + 1]), rows[k], np.flatnonzero(asked[first[k] : first[k + 1]])
-            if body is None:
+        asked, G = wanted.copy(), _view(places[3], ctypes.c_double, shape)
+        wanted[0] = 0
+        for body, at, end, begin, room in zip(bodies, first, first[1:], rows, np.diff(rows), strict=False):
+            numbers, own = np.flatnonzero(asked[at:end]), slice(at, end)
+            if body is None or not len(numbers):
                 continue
-            if len(numbers) > rows[k + 1] - at:
+            if len(numbers) > room:
+                wanted[0] = -1
                 return
+            both = np.flatnonzero((asked[own] > 0) | (column[own] >= 0))
+            numbers = both if len(both) <= room else numbers
+            k = np.arange(len(numbers))
             row[own] = column[own] = -1
-            row[own][numbers], column[own][numbers] = at + np.arange(len(numbers)), np.arange(len(numbers))
-            if len(numbers):
-                G[at : at + len(numbers), : len(numbers)] = body.between(numbers).transpose(0, 2, 1, 3)
+            G[begin + k, : len(k)] = body.between(numbers).transpose(0, 2, 1, 3)
+            row[own][numbers], column[own][numbers] = begin + k, k
         wanted[0] = 1
 
     many = [body for body in bodies if body is not None]

@@ -95,7 +95,8 @@ def _has_columns(c: ContactTable, g: int, count: int) -> bool:
         for e in range(3 if c.master[c.surface[i]] >= 0 and c.primitive[c.surface[i], 0] == 0.0 else 0):
             c.wanted[c.foot[i, e]] = 1
     call_native(c.grow, (c.wanted, c.row, c.column, c.G))
-    return bool(c.wanted[0] >= 0)
+    c.clock[1] = 4.0 if c.wanted[0] == 0 else c.clock[1]
+    return bool(c.wanted[0] > 0)
 
 
 @inner

@@ -83,7 +83,7 @@ def _find_forces(c: ContactTable, g: int) -> bool:
         rubs = rubs or (c.seen[i, 0] == 1 and c.friction[c.surface[i]] > 0.0)
     for _ in range(BANDS):
         if not choose_points(c, g):
-            c.clock[1] = 3.0
+            c.clock[1] = max(c.clock[1], 3.0)
             return False
         _begin(c, g, rubs)
         if not (find_friction_forces(c, g) if rubs else find_normal_forces(c, g)):

@@ -186,7 +186,8 @@ class ContactTable(Table):
     now: Array  # (n_contacts, N_VALUES): values at the state looked at
     sums: Array  # (n_contacts, N_VALUES): those that add up, at the last step
     end_share: Array  # (1,): of the force at a step's end in the mean over the step
-    # (2,): time of the last step; 0 if forces were found, 1 if not, 2 where a point is deep at first, 3: too many near
+    # (2,): time of the last step; 0 if forces were found, 1 if not, 2 where a point is deep at first, 3 and 4 where
+    # too many are near, or the flexibility of those wasn't found
     clock: Array
     state: IntArray  # (1,): number of the state looked at
 
@@ -208,6 +209,8 @@ class ContactTable(Table):
                 f"more than {MOST_POINTS} points come near at once, with damping all before a plane; a smaller face, "
                 "larger elements or no damping helps"
             )
+        if self.clock[1] == 4.0:
+            return "the flexibility of points that came near wasn't found, as told before"
         return "their iterations don't settle; a shorter step or less friction helps" if self.clock[1] else ""
 
     @property

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.contact import MOST_POINTS
 from fmd.core.limits.fitting import TRIED_MOVES, TRIED_TIMES
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiled_system.closed_tangents import require_one_linearisation
@@ -97,7 +98,7 @@ def say_what_lacks_tangents(plan: Plan) -> str:
     if system.is_sampled:
         return "sampled controllers"
     if not system.has_tangents:
-        return f"{CONTACT} that loses energy"
+        return f"{CONTACT} that loses energy, or of more than {MOST_POINTS} points of a body"
     if not plan.integrator.carries_tangent(system, [system]):
         if system.n_contact_values:
             return f"{CONTACT} by {plan.integrator.name}"

@@ -11,7 +11,6 @@ from fmd.contact.columns import Columns
 from fmd.contact.flexibility import contact_points, find_residual_fields
 from fmd.contact.touching_body import ContactPair, ContactPoints, TouchingBody
 from fmd.core.errors import AccuracyError, InputError, as_input_error
-from fmd.core.limits.contact import MOST_POINTS
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
@@ -111,13 +110,8 @@ def _followed_points(run: Pipeline, body: str) -> ContactPoints:
     part, points = run.parts[body], run.parts[body].contact_points
     if not len(points.soft):
         return points
-    if run.scene.simulation.start == "equilibrium":
-        fault = f"body {body} has {len(points.x)} points of contact; a body is set down on at most {MOST_POINTS}"
-        raise InputError(run.scene.file, "simulation.start", "equilibrium", fault)
-    name = part.key("contact")
-    return replace(
-        points, columns=Columns(points.nodes, points.left_to_modes, part.model.solver.responder, run.store.cache, name)
-    )
+    respond, cache = part.model.solver.responder, run.store.cache
+    return replace(points, columns=Columns(points.nodes, points.left_to_modes, respond, cache, part.key("contact")))
 
 
 def _hold_where_they_lie(

@@ -199,6 +199,8 @@ def _forces(system: CompiledSystem, q: Array) -> Array:
         return -system.compiled.residual(0.0, q, still, still)
     a = np.zeros(system.n)
     evaluate(system.parameters, 0.0, q, still, a)
+    if not np.isfinite(a).all():  # contact has no forces: too far, which no correction accepts
+        return np.full(system.n, np.nan)
     return np.asarray(system.mass_matrix(q) @ a)
 
 

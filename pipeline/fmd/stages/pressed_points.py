@@ -35,8 +35,10 @@ def pressed_stiffness(system: TouchingSystem, q: Array) -> Array:
         rows, D = np.zeros((len(mine), 3, system.n)), np.zeros((len(mine), 3, len(mine), 3))
         for body, own in enumerate(points):
             T = _motions(c, mine, body, len(own.x))
-            rows += np.einsum("iakb,kbn->ian", T, J[body], optimize=True)
-            D += np.einsum("iakc,kcld,jbld->iajb", T, own.G, T, optimize=True)
+            used = np.flatnonzero(T.any(axis=(0, 1, 3)))
+            T = T[:, :, used]
+            rows += np.einsum("iakb,kbn->ian", T, J[body][used], optimize=True)
+            D += np.einsum("iakc,kcld,jbld->iajb", T, own.between(used), T, optimize=True)
         for k, i in enumerate(mine):
             if c.rounded[s := c.surface[i]]:
                 rows[k] = _velocity(system, p, q, i, c.slave[s])
