@@ -43,7 +43,7 @@ def motions_of_all(
     W = W @ U * np.sqrt(kept / np.where(parts > 0.0, parts, 1.0))
     Y = held.T @ W
     V = W.reshape(n, 3, -1)
-    soft: Array = np.linalg.eigvalsh(own - V @ V.transpose(0, 2, 1))[:, -1]
+    soft = np.asarray(np.linalg.eigvalsh(own - V @ V.transpose(0, 2, 1))[:, -1], dtype=float)
     stiffness = E.T @ held + Y / (1.0 - kept) @ Y.T
     return soft, stiffness, V, float((parts > kept).sum()) / (3 * n)
 
