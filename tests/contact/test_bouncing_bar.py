@@ -167,6 +167,21 @@ def test_a_march_in_two_parts_is_that_without_a_break(make: Callable[[float], An
     np.testing.assert_array_equal(rest.contacts[later], whole.contacts[later])
 
 
+def test_a_march_goes_on_from_any_end_also_where_surfaces_came_to_touch_or_left() -> None:
+    mechanism = bouncing_bar(3)
+    system, method, times = share_system(mechanism), RungeKutta(1e-5), np.linspace(0.0, 0.6, 13)
+    q0 = np.zeros(mechanism.n_positions)
+    q0[0] = LENGTH / 2 + 0.1
+    whole = method.march(system, q0, np.zeros(mechanism.n), times)
+    end = method.start(system, q0, np.zeros(mechanism.n))
+    for k, time in enumerate(times[1:], start=1):
+        part = method.resume(system, end, times[k : k + 1])
+        assert part.end.time > time
+        np.testing.assert_array_equal(part.q[0], whole.q[k])
+        end = part.end
+    assert whole.contacts[:, AREA].any()
+
+
 def test_a_march_without_forces_of_contact_says_so() -> None:
     mechanism = bouncing_bar(5)
     (body,) = mechanism.contacts

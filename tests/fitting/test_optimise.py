@@ -338,6 +338,16 @@ def test_what_cannot_be_is_refused(aim: str, limits: list[str], vary: list[str],
         find(BAR, aim, limits, vary)
 
 
+def test_a_start_halfway_between_mirrored_designs_is_told_for_what_it_is() -> None:
+    """Slopes are zero there, so that bounds have nothing to do with it."""
+    limit = cast(Any, SimpleNamespace(name="stress", sense="<=", bound=1.0, sign=-1.0))
+    channel = SimpleNamespace(unit="Pa")
+    design = cast(Any, SimpleNamespace(results=[1.0, 2.0], channels=[channel, channel], values={}))
+    for flat, words in ((True, "start from others, --starts tries some"), (False, "widen the bounds")):
+        with pytest.raises(NoDesignError, match=words):
+            optimise._require_met(design, (limit,), np.zeros(1), np.array([flat]))
+
+
 def test_a_limit_on_what_there_is_not_is_refused_before_a_motion_is_computed() -> None:
     run = package.load(PUSHED).run
     with pytest.raises(InputError, match=r"--subject: tipp: no such result; did you mean 'tip'\?"):

@@ -138,7 +138,7 @@ class Row:
         largest = self.value + self.between
         size, moved = max(largest, self.better), abs(self.better - largest)
         half = max(self.total * size - moved, moved)
-        return max(min(self.value, self.better - half), 0.0), self.better + half
+        return float(max(min(self.value, self.better - half), 0.0)), float(self.better + half)
 
     @property
     def size(self) -> float:

@@ -291,7 +291,7 @@ def _search(space: DesignSpace, limits: tuple[Limit, ...], sign: int, start: Arr
         found = signs * slopes(shares)[1:]
         low, high = bounds_of(space.varied).T
         gains = np.abs(found) * np.where(found > 0.0, high - shares, shares - low)
-        _require_met(space.at(shares), limits, gains.sum(axis=1))
+        _require_met(space.at(shares), limits, gains.sum(axis=1), np.asarray(~found.any(axis=1)))
         return found
 
     found = minimize(
@@ -304,21 +304,26 @@ def _search(space: DesignSpace, limits: tuple[Limit, ...], sign: int, start: Arr
         options={"ftol": OPTIMUM, "maxiter": MOST_DESIGNS},
     )
     optimum = Optimum(space, limits, sign, np.clip(found.x, *bounds_of(space.varied).T))
-    _require_met(optimum.design, limits, np.zeros(len(limits)))
+    _require_met(optimum.design, limits, np.zeros(len(limits)), np.zeros(len(limits), dtype=bool))
     return optimum
 
 
-def _require_met(design: Design, limits: tuple[Limit, ...], gains: Array) -> None:
-    """Raise `NoDesignError` if a limit isn't met, and what margins may gain up to the bounds is next to nothing."""
-    known = zip(limits, margins(design, limits), gains, design.results[1:], design.channels[1:], strict=True)
-    for limit, margin, gain, value, channel in known:
+def _require_met(design: Design, limits: tuple[Limit, ...], gains: Array, flat: BoolArray) -> None:
+    """Raise `NoDesignError` if a limit isn't met, and what margins may gain up to the bounds is next to nothing.
+
+    Where slopes are zero, ``flat``, as they are halfway between two mirrored designs, the bounds are not to blame.
+    """
+    known = zip(limits, margins(design, limits), gains, flat, design.results[1:], design.channels[1:], strict=True)
+    for limit, margin, gain, is_flat, value, channel in known:
         if margin < -MET and gain <= MET:
+            mend = "widen the bounds, ask for less, or start from numbers with which it is met"
+            if is_flat:
+                mend = "no number that varies changes it there at first: start from others, --starts tries some"
             place = ", ".join(f"{each.key} = {x:.6g} {each.unit}".rstrip() for each, x in design.values.items())
             unit = f" {channel.unit}".rstrip()
             raise NoDesignError(
                 f"no design was found with {limit.name} {limit.sense} {limit.bound:.6g}{unit}: the search ended at "
-                f"{place}, where it is {value:.6g}{unit}; widen the bounds, ask for less, or start from numbers with "
-                "which it is met"
+                f"{place}, where it is {value:.6g}{unit}; {mend}"
             )
 
 

@@ -268,7 +268,8 @@ class AdaptiveIntegrator(ResumableIntegrator):
             touching = p.contact
             own = march.balance.size + march.largest.size
             if state.memory.size > own:
-                touching.recall(state.memory[own:])
+                march.pressed[:] = state.memory[own : own + 2]
+                touching.recall(state.memory[own + 2 :])
             begin_contacts(p, march)
             n_both, sizes = march.q.size + march.v.size, touching.unrounded_force * march.answers
             own_balance = balance_of_groups(march.groups[:n_both], march.q.size, sizes)
@@ -304,7 +305,7 @@ class AdaptiveIntegrator(ResumableIntegrator):
         mean = (state.time - start.time) / n_steps if n_steps else 0.0
         held = None if sampling is None else sampling.record
         if touching is not None:
-            state = replace(state, memory=np.concatenate([march.balance, march.largest, touching.memory]))
+            state = replace(state, memory=np.r_[march.balance, march.largest, march.pressed, touching.memory])
         found = Trajectory(self.name, mean, 1, times, q, v, int(march.evaluations[0]), 0, seconds, state, held=held)
         return replace(found, contacts=march.contacts)
 

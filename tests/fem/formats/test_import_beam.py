@@ -12,6 +12,7 @@ from fmd.core.errors import InputError
 from fmd.fem.assembly import assemble
 from fmd.fem.beams import BeamLine, Beams, extrude
 from fmd.fem.deck_links import find_deck_links
+from fmd.fem.formats.beam_sections import DeckBeams, take_abaqus_section
 from fmd.fem.formats.import_joined import read_structure
 from fmd.fem.formats.import_mesh import read_mesh
 from fmd.fem.links import link_points
@@ -148,6 +149,10 @@ def test_a_circle_is_by_abaqus_radius_which_is_said_or_by_calculix_two_diameters
     assert warning == {"code": "radius", "body": "frame", "text": f"frame: {by_radius.notes[0]}"}
     by_diameters = read_beams(abaqus(tmp_path / "a.inp", ("CIRC", "24, 24")), 1e-3)
     assert by_diameters.notes == ()
+    deck = DeckBeams(notes=["another note"])
+    for name in ("ONE", "TWO"):
+        take_abaqus_section(deck, name, {"SECTION": "CIRC"}, [["12"]])
+    assert [note[:24] for note in deck.notes] == ["another note", "*BEAM SECTION of ONE: CI"]
     assert by_diameters.points == pytest.approx(by_radius.points, abs=1e-15)
 
 

@@ -23,7 +23,7 @@ from fmd.core.arrays import Array
 from fmd.core.limits.contact import SHOCK_STEPS
 from fmd.dynamics.compiled_system.closed import keep_closed
 from fmd.dynamics.compiled_system.kernels import set_inputs
-from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog, TreeParameters
+from fmd.dynamics.compiled_system.parameters import ClosedParameters, CompiledParameters, Leapfrog, TreeParameters
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.system import (
@@ -43,8 +43,8 @@ from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)
-class TouchingParameters(TreeParameters):
-    """Parameters of a mechanism without loops whose bodies touch planes or one another."""
+class Touching(CompiledParameters):
+    """Parameters of a mechanism whose bodies touch planes or one another."""
 
     pushed: int  # addresses of the compiled functions
     frames: int
@@ -57,17 +57,13 @@ class TouchingParameters(TreeParameters):
 
 
 @dataclass(frozen=True)
-class TouchingClosedParameters(ClosedParameters):
-    """Parameters of a mechanism with loops whose bodies touch planes or one another; as those of one without."""
+class TouchingParameters(Touching, TreeParameters):
+    """Parameters of one without loops."""
 
-    pushed: int
-    frames: int
-    felt: int
-    contact: ContactTable
-    origins: Array
-    rotations: Array
-    spins: Array
-    q_ahead: Array
+
+@dataclass(frozen=True)
+class TouchingClosedParameters(Touching, ClosedParameters):
+    """Parameters of one with loops."""
 
 
 # What of contacts depends on a scene's numbers, beside flexibilities: places, shapes, gaps and laws.
@@ -121,14 +117,14 @@ class TouchingSystem(CompiledSystem):
         return found
 
     @cached_property
-    def _parameters(self) -> TouchingParameters | TouchingClosedParameters:
+    def _parameters(self) -> Touching:
         plain = CompiledSystem(self.mechanism).parameters
         mechanism, n_links = self.mechanism, len(self.mechanism.links)
         links = [mechanism.number_of(body.body) for body in mechanism.contacts]
         modes, shift = [mechanism.modes_of(k) for k in links], mechanism.position_shift
         closed = isinstance(plain, ClosedParameters)
         kind: Any = TouchingClosedParameters if closed else TouchingParameters
-        found: TouchingParameters | TouchingClosedParameters = kind(
+        found: Touching = kind(
             **{own.name: getattr(plain, own.name) for own in fields(plain)},
             pushed=self.compiled.address("pushed_closed" if closed else "pushed"),
             frames=self.compiled.address("frames"),
@@ -231,42 +227,36 @@ def _end_if_lost(p: Any, a: Array) -> None:
         a[0] = math.inf
 
 
-@remember_contacts.register(TouchingParameters)
-@remember_contacts.register(TouchingClosedParameters)
+@remember_contacts.register(Touching)
 def _remember_contacts(p: Any, t: float, q: Array, v: Array) -> None:
     find_contacts(p, t, q, v)
     remember(p.contact, t, p.origins, p.rotations)
 
 
-@remember_found.register(TouchingParameters)
-@remember_found.register(TouchingClosedParameters)
+@remember_found.register(Touching)
 def _remember_found(p: Any, t: float) -> None:
     remember(p.contact, t, p.origins, p.rotations)
 
 
-@note_contacts.register(TouchingParameters)
-@note_contacts.register(TouchingClosedParameters)
+@note_contacts.register(Touching)
 def _note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
     find_contacts(p, t, q, v)
     evaluate_contacts(p.contact, t, p.origins, p.rotations)
     note_values(p.contact, values)
 
 
-@contact_forces.register(TouchingParameters)
-@contact_forces.register(TouchingClosedParameters)
+@contact_forces.register(Touching)
 def _contact_forces(p: Any, forces: Array) -> None:
     evaluate_contacts(p.contact, p.contact.clock[0], p.origins, p.rotations)
     copy_forces(p.contact, forces)
 
 
-@set_impulses.register(TouchingParameters)
-@set_impulses.register(TouchingClosedParameters)
+@set_impulses.register(Touching)
 def _set_impulses(p: Any, impulses: Array) -> None:
     replace_impulses(p.contact, impulses)
 
 
-@may_touch.register(TouchingParameters)
-@may_touch.register(TouchingClosedParameters)
+@may_touch.register(Touching)
 def _may_touch(p: Any, t: float, ahead: float, q: Array, v: Array) -> bool:
     copy(q, p.q_ahead)
     advance(p, p.q_ahead, v, ahead, 0, v.size)
@@ -280,8 +270,7 @@ def _may_touch(p: Any, t: float, ahead: float, q: Array, v: Array) -> bool:
     return False
 
 
-@is_pressed.register(TouchingParameters)
-@is_pressed.register(TouchingClosedParameters)
+@is_pressed.register(Touching)
 def _is_pressed(p: Any, t: float, q: Array, v: Array) -> bool:
     find_contacts(p, t, q, v)
     return any_force(p.contact)

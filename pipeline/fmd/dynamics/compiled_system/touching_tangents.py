@@ -29,12 +29,7 @@ from fmd.dynamics.compiled_system.tangent_kernels import (
     take_state,
     variant_residual,
 )
-from fmd.dynamics.compiled_system.touching import (
-    CONTACT_NUMBERS,
-    TouchingClosedParameters,
-    TouchingParameters,
-    TouchingSystem,
-)
+from fmd.dynamics.compiled_system.touching import CONTACT_NUMBERS, TouchingSystem
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, note_contacts, remember_contacts, remember_found
 from fmd.kernels.arrays import clear
@@ -76,20 +71,16 @@ class StatesBeside(Table):
 
 @dataclass(frozen=True)
 class TouchingTangentParameters(TangentParameters):
-    """Parameters of a mechanism without loops that touches without losses, and of eight tangents of its motion."""
+    """Parameters of a mechanism that touches without losses, and of eight tangents of its motion."""
 
-    own: TouchingParameters  # the mechanism's
+    own: Any  # the mechanism's, `Touching`
     contact: ContactTable
     by: StatesBeside
 
 
 @dataclass(frozen=True)
-class TouchingClosedTangentParameters(ClosedTangentParameters):
-    """Parameters of a mechanism with loops that touches without losses, and of eight tangents; as of one without."""
-
-    own: TouchingClosedParameters
-    contact: ContactTable
-    by: StatesBeside
+class TouchingClosedTangentParameters(ClosedTangentParameters, TouchingTangentParameters):
+    """Parameters of one with loops, which closes them as others do."""
 
 
 def states_beside(system: TouchingSystem, directions: Sequence[Any]) -> StatesBeside:
@@ -161,13 +152,11 @@ def _accelerations(p: TouchingTangentParameters, t: float, q: Array, v: Array, a
 
 
 @change_pushes.register(TouchingTangentParameters)
-@change_pushes.register(TouchingClosedTangentParameters)
 def _change_pushes(p: Any, q: Array, v: Array) -> None:
     _change_forces(p, q, v, p.by.row[:0])
 
 
 @pulled.register(TouchingTangentParameters)
-@pulled.register(TouchingClosedTangentParameters)
 def _pulled(p: Any, q: Array, v: Array, multiplier: Array, known: Array, a: Array) -> None:
     if p.variants.any != 0:
         change_residual(p, q, v, multiplier, known)
@@ -180,7 +169,6 @@ def _pulled(p: Any, q: Array, v: Array, multiplier: Array, known: Array, a: Arra
 
 
 @variant_residual.register(TouchingTangentParameters)
-@variant_residual.register(TouchingClosedTangentParameters)
 def _residual(p: Any, k: int, multiplier: Array) -> None:
     m, by = p.variants, p.by
     for i in range(p.n):
@@ -284,13 +272,11 @@ def _go_beside(p: Any, q: Array, v: Array, lane: int, along: float, numbers: flo
 
 
 @remember_found.register(TouchingTangentParameters)
-@remember_found.register(TouchingClosedTangentParameters)
 def _remember_found(p: Any, t: float) -> None:
     remember(p.own.contact, t, p.own.origins, p.own.rotations)
 
 
 @note_contacts.register(TouchingTangentParameters)
-@note_contacts.register(TouchingClosedTangentParameters)
 def _note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
     width = p.by.row.size
     set_time(p, float(t))
@@ -301,6 +287,5 @@ def _note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
 
 
 @remember_contacts.register(TouchingTangentParameters)
-@remember_contacts.register(TouchingClosedTangentParameters)
 def _remember_contacts(p: Any, t: float, q: Array, v: Array) -> None:
     remember_contacts(p.own, t, q, v)

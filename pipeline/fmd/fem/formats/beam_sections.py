@@ -271,7 +271,7 @@ def take_abaqus_section(
         deck.faults.append(f"{label} has walls that differ from side to side, or nodes off its middle")
     else:
         deck.sections[name] = found
-        if kind == "CIRC" and not deck.notes:
+        if kind == "CIRC" and not any(DIAMETER_MEND in note for note in deck.notes):
             deck.notes.append(
                 f"{label}: CIRC {rows[0][0]:g} is a radius, as in Abaqus, here and elsewhere; {DIAMETER_MEND}"
             )
