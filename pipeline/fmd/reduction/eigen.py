@@ -252,13 +252,18 @@ class FreeBodySolver:
         x = self._fe.x - self._fe.x.mean(axis=0)
         x = x / np.ptp(x, axis=0).max()
         terms = [np.ones(len(x)), *x.T, *(x[:, a] * x[:, b] for a in range(3) for b in range(a, 3))]
-        V, K, M, T = np.kron(np.linalg.qr(np.stack(terms, axis=1))[0], np.eye(3)), self._K, self._M, self._T
+        Q, K, M, T = np.linalg.qr(np.stack(terms, axis=1))[0], self._K, self._M, self._T
+        V = np.kron(Q, np.eye(3))
         if self._supported:  # polynomials would break at the supports; the free body is softer in any case
             K, M, T = self._fe.K, self._fe.M, self._fe.T
             if T is not None:
                 K, M = T.T @ K @ T, T.T @ M @ T
-        V = V if T is None else np.linalg.qr(_unknowns_of(V, T))[0]
-        k, m = V.T @ (K @ V), V.T @ (M @ V)
+        if T is None:
+            m = np.kron(Q.T @ (self._fe.m @ Q), np.eye(3))
+        else:
+            V = np.linalg.qr(_unknowns_of(V, T))[0]
+            m = V.T @ (M @ V)
+        k = V.T @ (K @ V)
         scale = float(np.trace(k) / np.trace(m))
         theta = eigh(m, k + scale * m, eigvals_only=True)  # 1 / (λ + scale), which is 0 of what carries no mass
         return float(1.0 / theta[-7] - scale)

@@ -39,23 +39,19 @@ def unknowns_of(nodes: IntArray, size: int) -> IntArray:
 
 
 def node_graph(A: sp.csr_array) -> tuple[sp.csr_array, int]:
-    """Graph of the nodes that a matrix couples, symmetric and without loops, and the number of a node's unknowns.
+    """Graph of the nodes that a matrix couples, symmetric, each to itself as well, and the number of a node's unknowns.
 
     That is three, or one where supports have shifted nodes against blocks of three.
     Differences of matrices drop entries that come out as zero, and round-off may leave one of a pair: it couples, too.
     """
-    indptr, indices = A.indptr.astype(np.int64), A.indices.astype(np.int64)
-    for own in (3, 1):
-        n, rest = divmod(A.shape[0], own)
-        if rest:
-            continue
-        ends, columns = np.zeros(n + 1, dtype=np.int64), np.empty_like(indices)
-        _couple(indptr, indices, np.repeat(np.arange(n), own), np.full(n, -1), ends, columns)
-        if 9 * (ends[-1] + n) < SHIFTED_BLOCKS * A.nnz:
-            break
-    ones, columns = np.ones(ends[-1], dtype=np.float32), columns[: ends[-1]]
-    graph = sp.csr_array((ones, columns, ends), (n, n))
-    return sp.csr_array(graph.maximum(graph.T)), own
+    pattern = sp.csr_array((np.ones(A.nnz, dtype=np.int8), A.indices, A.indptr), A.shape)
+    size = 3 if A.shape[0] % 3 == 0 else 1
+    blocks = pattern.tobsr((size, size))
+    if size**2 * len(blocks.indices) > SHIFTED_BLOCKS * A.nnz:
+        size, blocks = 1, pattern.tobsr((1, 1))
+    n, entries = A.shape[0] // size, np.ones(len(blocks.indices), dtype=np.int8)
+    graph = sp.csr_array((entries, blocks.indices, blocks.indptr), (n, n))
+    return sp.csr_array(graph.maximum(graph.T)), size
 
 
 def fill_reducing_order(A: sp.csr_array) -> Order:
@@ -69,7 +65,9 @@ def fill_reducing_order(A: sp.csr_array) -> Order:
     _cover(indptr, indices, np.argsort(-degrees, kind="stable"), most, decides, seen, pairs, ends)
     covered, by = pairs[:, : ends[0]]
     deciding = np.flatnonzero(decides == 1)
-    few = graph[deciding][:, deciding]
+    few = graph[deciding][:, deciding].astype(float)
+    few.setdiag(0.0)
+    few.eliminate_zeros()
     if find_spec("pymetis") is not None and few.nnz:
         import pymetis
 
@@ -83,24 +81,6 @@ def fill_reducing_order(A: sp.csr_array) -> Order:
     np.minimum.at(place, covered, place[by])
     nodes = np.lexsort((decides, degrees, place))
     return Order(nodes, np.flatnonzero(decides[nodes] == 1), sp.csr_array(graph[nodes][:, nodes]), size, name)
-
-
-@kernel
-def _couple(
-    indptr: IntArray, indices: IntArray, owner: IntArray, seen: IntArray, ends: IntArray, columns: IntArray
-) -> None:
-    """List the nodes that each node is coupled to, itself left out, and where its list ends."""
-    row, count = 0, 0
-    for i in range(len(seen)):
-        while row < len(owner) and owner[row] == i:
-            for k in range(indptr[row], indptr[row + 1]):
-                j = owner[indices[k]]
-                if seen[j] != i and j != i:
-                    seen[j] = i
-                    columns[count] = j
-                    count += 1
-            row += 1
-        ends[i + 1] = count
 
 
 @kernel
