@@ -10,7 +10,9 @@ from scipy.linalg import block_diag
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
+from fmd.accuracy.estimators import Estimates
 from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError
 
 BAR = """
 title = "Free bar"
@@ -97,3 +99,29 @@ def test_shapes_of_an_interface_are_no_stiffer_on_a_finer_mesh(tmp_path: Path, m
         excess, alike = pair.excess_of_shapes(name)
         assert alike[:2].all()
         assert (excess[alike] > -1e-3).all()
+
+
+def test_a_bar_in_free_modes_that_rings_slower_on_larger_elements_has_errors_of_all_its_motion() -> None:
+    """Its modes there, changed to the run's frequencies, move more than the bar's mass: no motion had an error."""
+    bar = {"shape": "bar", "length": 0.15, "depth": 0.018, "width": 0.018, "E": 206e9, "nu": 0.29, "rho": 7840.0}
+    bar["mesh"] = {"element": "hexahedron", "order": 2, "divisions": [6, 1, 1]}
+    bar |= {"modes": {"count": 4, "enrich": "none"}, "marker": {"root": {"face": "x-"}, "tip": {"face": "x+"}}}
+    hub = {"shape": "rigid", "mass": 0.3, "inertia": [1e-4] * 3, "marker": {"at": {"at": [0, 0, 0]}}}
+    float_ = {"type": "free", "parent": "ground", "child": "hub.at", "spin": [0, 0, 50.0]}
+    scene: dict[str, Any] = {
+        "title": "",
+        "joint": {"float": float_, "hold": {"type": "fixed", "parent": "hub.at", "child": "bar.root"}},
+        "simulation": {"duration": 1e-3, "output_step": 1e-4, "tip": "bar.tip", "run": [{"integrator": "auto"}]},
+    }
+
+    scene["body"] = {"hub": hub, "bar": bar}
+    scene["drive"] = {"push": {"type": "point force", "marker": "bar.tip", "direction": [0, 1, 0], "force": 20.0}}
+    estimates = Estimates(Pipeline(load_scene(scene)))
+    pair = make_coarse_pair(estimates.run)
+    assert isinstance(pair, Pair)
+    with pytest.raises(AccuracyError, match="the mass matrix isn't positive definite"):
+        estimates.march_beside(pair.at_the_same_frequencies()[0])
+    found = estimates._changes_by_shapes(pair)
+    assert {*estimates.of_motion} <= {*found}
+    true = 4.7e-3  # of 24 elements along, with the same modes
+    assert true < 2 * found["tip, deflection"] / pair.gains["displacement"] < 20 * true

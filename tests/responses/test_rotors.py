@@ -76,6 +76,31 @@ def rotor(folder: Path, text: str) -> Pipeline:
     return Pipeline(load_scene(folder / "rotor.toml"))
 
 
+def test_waves_around_a_turning_tube_have_no_whirl_and_the_frequencies_of_the_turning_frame() -> None:
+    """Bryan (1890): two waves run around a ring that doesn't stretch at 4/5 of its rate above and below."""
+    tube = {"shape": "tube", "length": 0.3, "radius": 0.05, "thickness": 0.0015, "E": 210e9, "nu": 0.3, "rho": 7850.0}
+    tube["mesh"] = {"divisions": [4, 24]}
+    tube |= {"modes": {"count": 2}, "marker": {"near": {"face": "x-"}, "far": {"face": "x+"}}}
+    bearing = {
+        name: {"between": [f"ground.{name}", f"tube.{name}"], "axis": [1, 0, 0], "radial": 1e6, "axial": 1e6}
+        for name in ("near", "far")
+    }
+    scene = {
+        "title": "Tube",
+        "body": {"tube": tube},
+        "ground": {"near": {"at": [0, 0, 0]}, "far": {"at": [0.3, 0, 0]}},
+        "joint": {"float": {"type": "free", "parent": "ground.near", "child": "tube.near"}},
+        "bearing": bearing,
+        "simulation": {"duration": 1e-3, "output_step": 1e-3, "tip": "tube.far", "run": [{"integrator": "auto"}]},
+    }
+    run = Pipeline(load_scene(scene))
+    at, resting = find_vibrations(coupled(run))(100.0), run.part.modes.frequencies_hz[0]
+    pair = [np.abs(at.frequencies_hz - (resting + sense * 80.0 / (2 * np.pi))).argmin() for sense in (-1, 1)]
+    apart = np.ptp(at.frequencies_hz[pair])
+    assert apart == pytest.approx(160.0 / (2 * np.pi), rel=0.015)
+    assert [whirl_word(at.whirl[k]) for k in pair] == ["none", "none"]
+
+
 @pytest.mark.parametrize("rate", [10.0, 300.0, 2000.0])
 def test_a_rigid_rotor_splits_into_forward_and_backward_whirl(tmp_path: Path, rate: float) -> None:
     # Translation: m s² + 2 c s + 2 k = 0. Tilt, as a complex number: I_t s² + (2 c a² − i I_p Ω) s + 2 k a² = 0

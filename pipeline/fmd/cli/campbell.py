@@ -97,7 +97,10 @@ def _print_diagram(diagram: CampbellDiagram) -> None:
     ]
     print_table(f"{diagram.title} [Hz]", columns, rows)
     if any(mark and mark in cell for row in rows for cell in row[1:] for mark in _MARKS.values()):
-        open_console().print("↻ forward, ↺ backward: points whirl in the sense of the rotation, or against it")
+        said = (
+            "points whirl in the sense of the rotation, or against it; what doesn't move the axis turns with the part"
+        )
+        open_console().print(f"↻ forward, ↺ backward: {said}", soft_wrap=True)
     worst = diagram.largest_error(n_modes)
     if worst is None:
         some = f"not each of these {n_modes} has an error, since variants have fewer; campbell.csv has the others'"

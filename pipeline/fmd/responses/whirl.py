@@ -30,8 +30,8 @@ class SpaceView:
     A vibration of frequency ω that bends the axis has, in space, the frequency ``Ω + ω`` if it runs ahead in the
     turning frame, ``Ω − ω`` if it lags, which is backwards where it is negative; of one to and fro, which has both,
     that of its larger part. A shape that grows or decays in the turning frame without oscillating is carried round at
-    Ω. What doesn't bend the axis, as torsion, keeps its frequency: where a mesh isn't the same all around it moves
-    the axis, too, but little beside the points' rotation about it.
+    Ω. What doesn't bend the axis, as torsion or waves around a tube, keeps its frequency: where a mesh isn't the same
+    all around it moves the axis, too, but little beside the points' rotation about it.
     """
 
     # (n_points, n) each, for unit states: displacements of points on the axis along two axes across it
