@@ -17,7 +17,7 @@ from fmd.cli.app import main
 from fmd.core.errors import InputError
 from fmd.scene.variants import refine_meshes
 
-QUICK = ("simulation.duration=0.1 s", "simulation.output_step=1 ms", "body.beam.mesh.divisions=[24, 2, 1]")
+QUICK = ("simulation.duration=60 ms", "simulation.output_step=1 ms", "body.beam.mesh.divisions=[16, 2, 1]")
 
 
 @pytest.mark.slow

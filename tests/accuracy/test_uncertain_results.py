@@ -65,7 +65,7 @@ marker = "plate.tip"
 direction = [0, 0, 1]
 force = "1 N"
 [simulation]
-duration = "0.2 s"
+duration = "50 ms"
 output_step = "0.5 ms"
 tip = "plate.tip"
 run = [{ integrator = "auto" }]

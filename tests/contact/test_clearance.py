@@ -159,7 +159,11 @@ def by_scipy(follower: Follower, clearance: float, times: Array, restitution: fl
     return found, largest
 
 
-@pytest.mark.parametrize(("follower", "duration"), [(SLIDER, 5e-3), (ROCKER, 5e-3)], ids=["slider-crank", "four-bar"])
+@pytest.mark.parametrize(
+    ("follower", "duration"),
+    [(SLIDER, 5e-3), pytest.param(ROCKER, 5e-3, marks=pytest.mark.long)],
+    ids=["slider-crank", "four-bar"],
+)
 def test_a_linkage_with_a_clearance_moves_as_an_independent_model_does(follower: Follower, duration: float) -> None:
     run = linkage(follower, 0.5e-3, duration, restitution=0.9)
     own, places = run.motion.contacts["fit"], run.motion.trajectory.q[:, -1]

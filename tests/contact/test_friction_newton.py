@@ -71,7 +71,7 @@ class Column:
         return force, float(np.abs(fault).max() / max(force[:, 0].max(), 1e-300))
 
 
-@pytest.mark.parametrize("height", [0.0, 1.0, 8.0])
+@pytest.mark.parametrize("height", [0.0, 1.0, pytest.param(8.0, marks=pytest.mark.long)])
 def test_forces_of_random_steps_keep_gaps_cones_and_directions(height: float) -> None:
     """Steps that press, push, rock and twist a column, as points open, stick and slip, some by sweeps, some not."""
     column, rng, states = Column(8, height), np.random.default_rng(34), np.zeros(3)

@@ -104,14 +104,14 @@ def test_wrong_content_is_an_error_of_its_value_and_runs_nothing(content: bytes)
 def test_any_damaged_byte_is_an_error_or_another_value_but_never_another_exception() -> None:
     whole, random = encode({"modes": MODES, "K": sp.eye_array(3, format="csr")}), np.random.default_rng(1)
     refused = 0
-    for _ in range(2000):
+    for _ in range(1000):
         damaged = bytearray(whole)
         damaged[int(random.integers(len(whole)))] = int(random.integers(256))
         try:
             decode(bytes(damaged))
         except ValueError:
             refused += 1
-    assert refused > 500  # of the rest, a number in an array is another one, which the digest beside it tells
+    assert refused > 250  # of the rest, a number in an array is another one, which the digest beside it tells
 
 
 @pytest.mark.parametrize(

@@ -182,7 +182,13 @@ def test_a_front_goes_from_the_best_of_one_aim_to_that_of_the_other() -> None:
     assert numbers_of(front[-1]) == pytest.approx(dict.fromkeys(numbers_of(front[-1]), 0.06), rel=1e-3)
 
 
-@pytest.mark.parametrize("aims", [(("mass", 1), ("frequency.1", -1)), (("frequency.1", -1), ("mass", 1))])
+@pytest.mark.parametrize(
+    "aims",
+    [
+        pytest.param((("mass", 1), ("frequency.1", -1)), marks=pytest.mark.long),
+        (("frequency.1", -1), ("mass", 1)),
+    ],
+)
 def test_no_end_of_a_front_has_more_of_the_other_aim_than_it_needs(aims: Any) -> None:
     """Bending over the depth depends on the width by nu²/2 at most, less than counts, so all designs are narrow."""
     run = package.load(BAR, "body.bar.nu=0.01", "body.bar.mesh.divisions=[4,1,1]").run

@@ -56,7 +56,7 @@ def test_vibrations_have_the_coefficients_of_the_speed(rotor: Path, rate: float)
     np.testing.assert_allclose(sorted(found.growth), sorted([*expected.real, 0.0]), rtol=1e-7, atol=1e-7)
 
 
-@pytest.mark.parametrize("rate", [0.0, 350.0, 2600.0])
+@pytest.mark.parametrize("rate", [0.0, 2600.0])
 def test_vibrations_have_the_coefficients_of_their_own_whirl(rotor: Path, rate: float) -> None:
     expected = []
     for branch in range(4):
@@ -88,8 +88,16 @@ def own_frequencies(damping: list[float], rate: float) -> list[float]:
 RANDOM = (10 ** np.random.default_rng(3).uniform(1.5, 4.7, 3)).tolist()
 
 
-@pytest.mark.parametrize("rate", [0.0, 20.0, 350.0])
-@pytest.mark.parametrize("damping", [[3e4, 150.0, 50.0], [150.0, 3e4, 50.0], RANDOM])
+@pytest.mark.parametrize(
+    ("damping", "rate"),
+    [
+        ([3e4, 150.0, 50.0], 0.0),
+        ([3e4, 150.0, 50.0], 350.0),
+        ([150.0, 3e4, 50.0], 20.0),
+        (RANDOM, 0.0),
+        (RANDOM, 350.0),
+    ],
+)
 def test_no_vibration_is_lost_where_bearings_overdamp(rotor: Path, damping: list[float], rate: float) -> None:
     table = TABLE.format(values=damping, unit="N s/m").replace("OVER", "whirl")
     damped = [f"bearing.{name}.radial_damper={{ {table} }}" for name in ("near", "far")]
@@ -216,7 +224,7 @@ def test_errors_are_stated_beside_tables_over_whirl(tmp_path: Path) -> None:
     file = tmp_path / "shaft.toml"
     file.write_text(SHAFT)
     rows = "{ over = 'whirl', arguments = [0, 600], values = [40, 12], unit = 'MN/m' }"
-    coarse = ["body.rotor.mesh.size=60 mm", "body.rotor.modes.count=3"]
+    coarse = ["body.rotor.mesh.size=100 mm", "body.rotor.modes.count=3"]
     run = Pipeline(load_scene(file, [f"bearing.left.radial={rows}", *coarse]))
     rates = np.array([0.0, 300.0])
     frequencies = np.array([find_vibrations(run)(rate).frequencies_hz[:2] for rate in rates])

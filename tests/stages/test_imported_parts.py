@@ -219,7 +219,7 @@ def test_matrices_that_are_not_a_free_bodys_are_refused_with_the_figure(from_fil
     with pytest.raises(AccuracyError, match="isn't symmetric, entries differ by"):
         pipeline(folder, "body.strip.matrices.stiffness=skew.npz", scene="matrices.toml").fe  # noqa: B018
     with pytest.raises(AccuracyError, match="masses depend on the direction"):
-        pipeline(folder, "body.strip.matrices.mass=K.mtx", scene="matrices.toml").fe  # noqa: B018
+        pipeline(folder, "body.strip.matrices.mass=held.npz", scene="matrices.toml").fe  # noqa: B018
 
 
 def test_repair_is_a_switch_of_the_command_line(
