@@ -102,7 +102,10 @@ integrator = "central-difference"
 
 
 def _struck_beam(cache: Cache | None) -> list[Figure]:
-    """A ball of 10 mm and a beam of 200 × 20 × 10 mm, with elements of 0.3 mm where they meet."""
+    """A ball of 10 mm and a beam of 200 × 20 × 10 mm, with elements of 0.3 mm where they meet.
+
+    Exact is what whole quadratic elements give, 0.14 mm large there; of 0.2 mm they give 1337 N, 63.8 µs, 0.3911.
+    """
     halves = []
     for reach, fine, growth in ((100.0, 2, 2.2), (10.0, 2, 2.2), (10.0, 1, 1.8)):
         sizes = [0.3] * fine
@@ -119,9 +122,9 @@ def _struck_beam(cache: Cache | None) -> list[Figure]:
         run = SolvedScene(load_scene(scene), cache).run
         hit = contact_figures(run)["contacts"]["hit"]
     return [
-        Figure("largest force [N]", hit["largest_force_n"], 1326.8, 0.01),
-        Figure("duration [s]", hit["end_s"] - hit["begin_s"], 63.1e-6, 0.03),
-        Figure("restitution", hit["impulse_n_s"][2] / 0.03288 - 1.0, 0.4005, 0.02),
+        Figure("largest force [N]", hit["largest_force_n"], 1330.4, 0.01),
+        Figure("duration [s]", hit["end_s"] - hit["begin_s"], 64.2e-6, 0.02),
+        Figure("restitution", hit["impulse_n_s"][2] / 0.03288 - 1.0, 0.3913, 0.01),
     ]
 
 
