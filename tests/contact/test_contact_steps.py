@@ -85,7 +85,7 @@ def test_auto_halves_explicit_steps_of_rigid_surfaces_and_warns_where_that_is_no
     )
 
 
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
+@pytest.mark.parametrize("tolerance", [1e-4, pytest.param(1e-6, marks=pytest.mark.long)])
 def test_runge_kutta_states_the_errors_of_a_shock_by_its_tolerance(tolerance: float) -> None:
     """A ball's impulse is twice its momentum, its largest force Hertz's; a block's are those by a tight tolerance."""
     joint = {"free": free("ball.centre", [0, 0, RADIUS + 1e-6], [0, 0, -SPEED])}

@@ -32,7 +32,8 @@ def judge(monkeypatch: pytest.MonkeyPatch) -> Any:
     return importlib.import_module("contact").judge
 
 
-@pytest.mark.parametrize("kind", SEEDS)
+# Two boxes take as long as all others, and no way of their own; `test_boxes.py` has such.
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=[pytest.mark.long] * (kind == "boxes")) for kind in SEEDS])
 def test_no_figure_of_a_random_contact_is_beyond_three_times_what_is_stated(judge: Any, kind: str) -> None:
     """Energy with friction's and damping's heat grows by 1 % of the largest kinetic energy at most."""
     for seed in SEEDS[kind]:

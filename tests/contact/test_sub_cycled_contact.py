@@ -41,7 +41,7 @@ def energy_change(motion: Motion) -> float:
     [
         (arm, (*FALLING, "contact.stop.friction=0.3", "simulation.run.0.forces=tangents")),
         (arm, (*FALLING, "contact.stop.friction=0.3", "simulation.run.0.forces=carried")),
-        (closed, ()),
+        pytest.param(closed, (), marks=pytest.mark.long),
         (block, FALLING_BLOCK),
     ],
     ids=["tangents", "carried", "loop", "flight"],

@@ -443,6 +443,7 @@ modes = { count = 3 }
     assert found.multipliers[0] == pytest.approx(0.5, rel=1e-2)
 
 
+@pytest.mark.long
 def test_no_connecting_rod_of_a_grid_as_light_as_the_best_is_within_its_limits() -> None:
     """Of docs/fitting.md: half a per cent more of both is within them; `benchmarks/design_grid.py` has 1,024."""
     found = search_grid(0.011583324, 0.010822791, 0.005, 2)

@@ -232,7 +232,7 @@ DEPTH = "body.forearm.depth"
     ("method", "keys"),
     [
         (SMALL_ARM[0], [DEPTH, "body.forearm.length", "body.forearm.modes.damping"]),
-        (SUBCYCLED, [DEPTH, "joint.elbow.spring"]),
+        pytest.param(SUBCYCLED, [DEPTH, "joint.elbow.spring"], marks=pytest.mark.long),
     ],
 )
 def test_tangents_by_material_and_dimensions_are_differences_of_motions_with_bases_solved_anew(

@@ -80,7 +80,7 @@ def test_a_damper_changes_no_key_of_the_summary(beam: Pipeline, damped: Pipeline
     assert one["peak_tip_deflection_m"] == pytest.approx(other["peak_tip_deflection_m"], rel=1e-6)
 
 
-@pytest.mark.parametrize("value", [0.0, 2.0, np.nan])
+@pytest.mark.parametrize("value", [2.0, np.nan])
 def test_components_that_are_all_still_are_drawn_as_lines(tmp_path: Path, value: float) -> None:
     given = {"auto": np.full((30, 3), value), "other": np.full((30, 3), value)}
     label, curves, components = _moving("momentum [kg m/s]", given, ("x", "y", "z"))

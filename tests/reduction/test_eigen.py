@@ -319,7 +319,7 @@ def test_a_mode_that_lanczos_loses_always_is_noticed(square_bar: FEModel, monkey
         FreeBodySolver(square_bar).modes(14)
 
 
-@pytest.mark.parametrize("lost", [0, 1, 6, 11, 12])
+@pytest.mark.parametrize("lost", [0, 6, 12])
 def test_a_second_search_finds_what_the_first_has_missed(
     lost: int, square_bar: FEModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:

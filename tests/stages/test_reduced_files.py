@@ -58,9 +58,15 @@ def read_body(file: str, root: str, tip: str, more: str = "") -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("joint", JOINTS)
 @pytest.mark.parametrize(
-    ("to", "stiffening"), [("sid", "on"), ("sid", "off"), ("mbdyn", "off"), ("exudyn", "off"), ("python", "off")]
+    ("to", "stiffening", "joint"),
+    [
+        *(("sid", "on", joint) for joint in JOINTS),
+        *(("mbdyn", "off", joint) for joint in ("hinge", "ball")),
+        ("sid", "off", "clamp"),
+        ("exudyn", "off", "hinge"),
+        ("python", "off", "free"),
+    ],
 )
 def test_a_body_that_comes_back_has_the_same_equations(joint: str, to: str, stiffening: str, tmp_path: Path):
     """Frequencies, inertia, stiffening, damping and markers, of the body on its joint."""

@@ -54,6 +54,7 @@ def reference() -> float:
     return fine - (coarse - fine) / ((8 / 6) ** 4 - 1)
 
 
+@pytest.mark.long  # what converges to it below would not, else
 def test_the_reference_is_converged(reference: float, timoshenko: Callable[..., Any]) -> None:
     # what Richardson's rule takes off is an estimate of the error that was left: far below the errors measured here
     assert by_hexahedra(8, 2) / reference - 1 < 1e-5

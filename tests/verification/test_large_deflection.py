@@ -79,6 +79,7 @@ def elastica(load: float) -> Array:
     return np.array([np.sqrt(2 * (2 * k * k - 1) / load), 1 - 2 * integral(ellipeinc, k) / np.sqrt(load)])
 
 
+@pytest.mark.long  # four pieces do, below, and six roll up to a circle
 def test_six_pieces_follow_the_elastica_to_an_end_that_hangs_down(tmp_path: Path) -> None:
     end, exact = end_of(strip(tmp_path, PIECES=6, LOAD="10 N", **FORCE)), elastica(10)
     assert np.linalg.norm(end[[0, 2]] - exact) < 6e-3 * np.linalg.norm(exact - [1, 0])

@@ -82,7 +82,7 @@ def test_a_bent_chain_has_inertia_against_every_motion(tmp_path: Path, deflectio
     assert np.linalg.eigvalsh(run.system.mass_matrix(q0))[0] > 0
 
 
-@pytest.mark.parametrize(("deflection", "turning"), [(2.0, False), (1.0, True)])
+@pytest.mark.parametrize(("deflection", "turning"), [(2.0, False), pytest.param(1.0, True, marks=pytest.mark.long)])
 def test_a_chain_that_is_bent_far_is_at_rest_in_its_steady_state(
     tmp_path: Path, deflection: float, turning: bool
 ) -> None:

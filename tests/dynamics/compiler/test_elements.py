@@ -64,7 +64,7 @@ def _undamped(stops: tuple[Stop, ...]) -> tuple[Stop, ...]:
     return tuple(replace(stop, damping=0.0) for stop in stops)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0])
 def test_tangents_with_elements_are_differences_of_the_residual(seed: int) -> None:
     made, _ = with_elements(seed)
     (q, v), n = made.state(seed), made.mechanism.n
