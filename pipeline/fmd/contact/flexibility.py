@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from fmd.fem.markers import Marker
     from fmd.fem.model import FEModel
     from fmd.reduction.body import FlexibleBody
-    from fmd.reduction.eigen import FreeBodySolver
+    from fmd.reduction.held_by_joint import StaticSolver
 
 
 def pressed_nodes(marker: Marker) -> tuple[IntArray, Array]:
@@ -45,7 +45,7 @@ def pressed_nodes(marker: Marker) -> tuple[IntArray, Array]:
 
 def contact_points(
     fe: FEModel,
-    solver: FreeBodySolver,
+    solver: StaticSolver,
     body: FlexibleBody,
     faces: Mapping[str, Marker],
     triangles: Mapping[str, IntArray],
@@ -115,7 +115,11 @@ def contact_points(
 
 
 def find_yields(
-    fe: FEModel, solver: FreeBodySolver, body: FlexibleBody, nodes: IntArray, markers: Mapping[str, Marker]
+    fe: FEModel,
+    solver: StaticSolver,
+    body: FlexibleBody,
+    nodes: IntArray,
+    markers: Mapping[str, Marker],
 ) -> dict[str, Array]:
     """Return displacements of nodes beside the modes by unit forces and moments on markers, (n, 3, 6) each."""
     V, found = _elastic_shapes(fe, solver, body) if markers else np.zeros(0), {}
@@ -126,7 +130,7 @@ def find_yields(
     return found
 
 
-def _elastic_shapes(fe: FEModel, solver: FreeBodySolver, body: FlexibleBody) -> Array:
+def _elastic_shapes(fe: FEModel, solver: StaticSolver, body: FlexibleBody) -> Array:
     """Return the modes without rigid motion, (n_nodes, 3, n_modes)."""
     flat, R = body.shapes.reshape(3 * len(fe.x), -1), solver.rigid_modes
     if R.shape[1]:
@@ -144,7 +148,7 @@ class ResidualFields:
 
 
 def find_residual_fields(
-    fe: FEModel, solver: FreeBodySolver, body: FlexibleBody, nodes: IntArray, forces: Array
+    fe: FEModel, solver: StaticSolver, body: FlexibleBody, nodes: IntArray, forces: Array
 ) -> ResidualFields:
     """Return the displacements of a body that its modes leave out, under forces [N] on some nodes over time.
 

@@ -211,7 +211,8 @@ class ContactTable(Table):
             )
         if self.clock[1] == 4.0:
             return "the flexibility of points that came near wasn't found, as told before"
-        return "their iterations don't settle; a shorter step or less friction helps" if self.clock[1] else ""
+        remedy = "modes.enrich = 'none', a shorter step or less friction helps"
+        return f"their iterations don't settle; {remedy}" if self.clock[1] else ""
 
     @property
     def unrounded_force(self) -> float:

@@ -149,7 +149,10 @@ def _converges(m: EnergySteps, p: Any, t: float) -> bool:
         m.mean[i] = m.begin[i]
     for _ in range(EXACT_ROUNDS):
         _find_residual(m, p, t, m.residual)
-        left, size, made, energy = 0.0, 0.0, 0.0, m.numbers[0] + m.numbers[1]
+        left, size, made, energy, rounded = 0.0, 0.0, 0.0, m.numbers[0] + m.numbers[1], 0.0
+        for g in range(p.contact.n_chosen.size):
+            for k in range(p.contact.group[g], p.contact.group[g] + p.contact.n_chosen[g]):
+                rounded += p.contact.noise[g] * p.contact.force[p.contact.chosen[k], 0]
         for i in range(n):
             energy += 0.5 * m.w[i] ** 2
             left += abs(m.residual[i])
@@ -157,7 +160,7 @@ def _converges(m: EnergySteps, p: Any, t: float) -> bool:
             size = max(size, abs(m.begin[i]), abs(m.end[i]), abs(m.mean[i]))
         stalled = left > STALLED * before
         settled = left <= EXACT * size or (stalled and left <= FORCES_KNOWN * size)
-        if (settled and abs(made) <= EXACTLY_KEPT * energy) or (stalled and left <= SOLVED * size):
+        if (settled and abs(made) <= EXACTLY_KEPT * energy + rounded) or (stalled and left <= SOLVED * size):
             return True
         if not math.isfinite(left):
             return False
@@ -262,5 +265,6 @@ def march_exactly(
     except StabilityError:
         if np.isnan(numbers[3]):
             raise
-        raise no_convergence(name, numbers[3], h) from None
+        other = 4.0 * h if 8.0 * h < system.largest_step else 0.5 * h  # round-off of places is left of short ways
+        raise no_convergence(name, numbers[3], h, other) from None
     return Trajectory(name, h, 1, times, q, v, int(counts[0]), 0, seconds, end, contacts=contacts)

@@ -103,7 +103,7 @@ class GeneralizedAlpha(ResumableIntegrator):
         except StabilityError:
             if np.isnan(counts[1]):
                 raise
-            raise no_convergence(self.name, counts[1], h) from None
+            raise no_convergence(self.name, counts[1], h, 0.5 * h) from None
         return Trajectory(self.name, h, 1, times, q, v, int(counts[0]), 0, seconds, end, contacts=contacts)
 
     def steps(self, system: System, counts: Array, state: State) -> NewmarkSteps:
@@ -118,11 +118,11 @@ class GeneralizedAlpha(ResumableIntegrator):
         )
 
 
-def no_convergence(name: str, t: float, h: float) -> ConvergenceError:
-    """Make the error of a method whose step h [s] at a time t [s] has no solution, with a step that may have one."""
+def no_convergence(name: str, t: float, h: float, other: float) -> ConvergenceError:
+    """Make the error of a method whose step h [s] at a time t [s] has no solution, with another one that may have."""
     return ConvergenceError(
         f"{name}: Newton's iteration did not converge at t = {t:.6g} s with a step of {h:.4g} s; "
-        f"take a smaller step, such as {round_down(0.5 * h):g} s"
+        f"take a {'longer' if other > h else 'smaller'} step, such as {round_down(other):g} s"
     )
 
 

@@ -21,6 +21,7 @@ from fmd.reduction.cyclic import CyclicSolver
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.factor.factor import Factor, MissingSolverError, TooLargeError, factorise
 from fmd.reduction.factor.slepc import factorise_over_ranks
+from fmd.reduction.held_by_joint import JointHeldSolver, StaticSolver
 from fmd.reduction.loads import acceleration_loads, enrich_modes, motion_loads
 from fmd.reduction.mode_families import lowest_modes, modes_of_family
 from fmd.reduction.modes import Modes, TooManyModesError
@@ -64,6 +65,12 @@ class ConstrainedModel:
             raise InputError(self.file, f"{key}.marker", None, str(error)) from error
         except MissingSolverError as error:
             raise InputError(self.file, f"{key}.modes.solver", self.solver_name, str(error)) from error
+
+    @cached_property
+    def solver_on_joint(self) -> StaticSolver:
+        """Solver of static responses on a joint that holds all but turns, or moves as it is given."""
+        holds = self.joint.welded or self.joint.prescribed or bool(self.joint.free)
+        return JointHeldSolver(self.fe, self.solver, self.reaction) if holds and self.fixed is None else self.solver
 
     def fitting(self) -> AbstractContextManager[None]:
         """Return a context that names the mesh where what is computed of it doesn't fit into memory."""

@@ -47,7 +47,7 @@ def find_contact_points(part: FlexiblePart) -> ContactPoints:
     faces = {name: part.markers[name] for name in part.contact_faces}
     with as_input_error(part.file, f"body.{part.name}.marker"):
         loaded = {name: part.markers[name] for name in part.loaded_markers}
-        return contact_points(part.fe, part.model.solver, part.body, faces, _find_triangles(part), loaded)
+        return contact_points(part.fe, part.model.solver_on_joint, part.body, faces, _find_triangles(part), loaded)
 
 
 def _find_triangles(part: FlexiblePart) -> dict[str, IntArray]:
@@ -110,7 +110,7 @@ def _followed_points(run: Pipeline, body: str) -> ContactPoints:
     part, points = run.parts[body], run.parts[body].contact_points
     if not len(points.soft):
         return points
-    respond, cache = part.model.solver.responder, run.store.cache
+    respond, cache = part.model.solver_on_joint.responder, run.store.cache
     return replace(points, columns=Columns(points.nodes, points.left_to_modes, respond, cache, part.key("contact")))
 
 
@@ -143,7 +143,7 @@ def find_deformations(run: Pipeline) -> dict[str, dict[str, ContactDeformation]]
                 continue  # rigid
             part, points = run.parts[touching.body], touching.points
             on_nodes = points.on_nodes(forces[touching.body])
-            fields = find_residual_fields(part.fe, part.model.solver, part.body, points.nodes, on_nodes)
+            fields = find_residual_fields(part.fe, part.model.solver_on_joint, part.body, points.nodes, on_nodes)
             own[touching.body] = ContactDeformation(part, points, fields)
         found[label] = own
     return found

@@ -372,11 +372,8 @@ def _march(run: Pipeline, label: str, plan: Plan) -> Trajectory:
 
             if cause := find_unstable_sampling(run, state_of_start(run)):
                 raise AccuracyError(f"{error}; {cause}") from error
-        if isinstance(error, ConvergenceError):  # static responses may stall it at any step
-            left = leave_fastest_out(run.scene)
-            key = f"simulation.run.{[*run.plans].index(label)}.rho"
-            damped = f"; {key} = 0 damps them" if left and bool(getattr(plan.integrator, "rho", 0.0)) else ""
-            raise ConvergenceError(f"{error}{left}{damped}") from error
+        if left := leave_fastest_out(run.scene) if isinstance(error, ConvergenceError) else "":
+            raise ConvergenceError(f"{error}{left}, which stall it at any step where points slip and lift") from error
         raise
 
 
