@@ -71,7 +71,7 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
 def _with_largest_pressure(run: Pipeline, contact: str) -> Motion:
     """Return the first run's motion, with all steps between the output times between which pressure is largest.
 
-    It takes another march in the same steps, unless that is long.
+    It takes another march in the same steps, unless that is long, and one more for each time that these are too many.
     """
     motion = run.motion
     own, step = motion.contacts[contact], motion.trajectory.step
@@ -79,12 +79,15 @@ def _with_largest_pressure(run: Pipeline, contact: str) -> Motion:
     k = int(np.nanargmax(largest))
     if k == 0 or largest[k] <= (1.0 + SUMMED) * own.peak_pressure.max() or is_long_again(motion):
         return motion
-    begin, end = motion.times[k - 1 : k + 1]
-    count = math.ceil((end - begin) / step)
-    times = step * (math.floor(begin / step) + np.arange(1, count + 1, max(1, count // PEAK_TIMES)))
-    times = np.r_[motion.times[:k], times[(times > begin) & (times < end)], end]
-    plan = repeat_choice(next(iter(run.plans.values())), motion.trajectory)
-    return run.motion_by(plan, plan.march(times))
+    plan, skipped = repeat_choice(next(iter(run.plans.values())), motion.trajectory), 2
+    while skipped > 1:
+        begin, end = motion.times[k - 1 : k + 1]
+        count = math.ceil((end - begin) / step)
+        skipped = max(1, count // PEAK_TIMES)
+        times = step * (math.floor(begin / step) + np.arange(1, count + 1, skipped))
+        motion = run.motion_by(plan, plan.march(np.r_[motion.times[:k], times[(times > begin) & (times < end)], end]))
+        k = int(np.nanargmax(motion.contacts[contact].tops[:, 2]))
+    return motion
 
 
 def _find_field(
