@@ -123,9 +123,12 @@ def _try(c: ContactTable, g: int, i: int, own: int) -> float:
 
 @inlined
 def _rate(c: ContactTable, g: int, own: int) -> float:
-    """Return ρ of a point, its own flexibility."""
-    at = c.first_entry[g, 0] + 3 * own * (c.stride[g] + 1)
-    return float(max(c.D[at], c.D[at + c.stride[g] + 1], c.D[at + 2 * c.stride[g] + 2]))
+    """Return ρ of a point, its flexibility with all others held where P is known, else its own."""
+    on = c.stride[g] + 1
+    at = c.first_entry[g, 0] + 3 * own * on
+    if c.inverted[g] == 1:
+        return float(1.0 / max(c.P[at], c.P[at + on], c.P[at + 2 * on]))
+    return float(max(c.D[at], c.D[at + on], c.D[at + 2 * on]))
 
 
 @inner
