@@ -61,17 +61,7 @@ def _build_straight(gmsh: Any, table: Any, half: float) -> dict[str, list[int]]:
         for here, there in zip(points, following, strict=True)
     ]
     spokes = [[[geo.addLine(row[s], outer[s]) for s in (0, 1)] for row, outer in pairwise(blade)] for blade in points]
-    (around, axial, _), (_, seat, _) = counts.sleeve, counts.joint
-    along = (counts.sleeve[2], counts.joint[2], counts.blade[2])
-    growth = counts.growth ** (1 / max(along[2] - 1, 1))
-    for blade in range(table.blades):
-        for arc in arcs[blade]:
-            geo.mesh.setTransfiniteCurve(arc, seat + 1)
-        for arc in gaps[blade]:
-            geo.mesh.setTransfiniteCurve(arc, around // table.blades - seat + 1)
-        for level, pair in enumerate(spokes[blade]):
-            for spoke in pair:
-                geo.mesh.setTransfiniteCurve(spoke, along[level] + 1, "Progression", growth if level == 2 else 1.0)
+    _divide_curves(geo.mesh, counts, arcs, gaps, spokes)
     volumes: dict[str, list[int]] = {"sleeve": [], "joints": [], "blades": []}
     faces: dict[str, list[int]] = {"bore": [], "back": [], "front": []}
 
@@ -80,7 +70,9 @@ def _build_straight(gmsh: Any, table: Any, half: float) -> dict[str, list[int]]:
         patch = geo.addPlaneSurface([geo.addCurveLoop([inner, side, -outer, -other])])
         geo.mesh.setTransfiniteSurface(patch)
         geo.mesh.setRecombine(2, patch)
-        top, volume, *around = geo.extrude([(2, patch)], 0, 0, table.length, numElements=[axial], recombine=True)
+        top, volume, *around = geo.extrude(
+            [(2, patch)], 0, 0, table.length, numElements=[counts.sleeve[1]], recombine=True
+        )
         return volume[1], [tag for _, tag in around], patch, top[1]
 
     for k in range(table.blades):
@@ -106,6 +98,20 @@ def _build_straight(gmsh: Any, table: Any, half: float) -> dict[str, list[int]]:
     for part, tags in volumes.items():
         gmsh.model.addPhysicalGroup(3, tags, name=part)
     return faces
+
+
+def _divide_curves(mesh: Any, counts: Any, arcs: list[Any], gaps: list[Any], spokes: list[Any]) -> None:
+    """Set the elements along the arcs of blades, those of the hub between them, and the spokes, of each blade."""
+    seat, along = counts.joint[1], (counts.sleeve[2], counts.joint[2], counts.blade[2])
+    growth = counts.growth ** (1 / max(along[2] - 1, 1))
+    for own_arcs, own_gaps, own_spokes in zip(arcs, gaps, spokes, strict=True):
+        for arc in own_arcs:
+            mesh.setTransfiniteCurve(arc, seat + 1)
+        for arc in own_gaps:
+            mesh.setTransfiniteCurve(arc, counts.sleeve[0] // len(arcs) - seat + 1)
+        for level, pair in enumerate(own_spokes):
+            for spoke in pair:
+                mesh.setTransfiniteCurve(spoke, along[level] + 1, "Progression", growth if level == 2 else 1.0)
 
 
 def _bend(points: Floats, table: Any, half: float) -> Floats:

@@ -243,6 +243,13 @@ class PlainSystem(Protocol):
         return no_bounds()
 
     @property
+    def fast_places(self: Any) -> IntArray:
+        """Position that each fast rate moves, shape (n,); -1 for slow rates."""
+        places: IntArray = np.arange(self.n) + self.n_positions - self.n
+        places[: self.n_slow] = -1
+        return places
+
+    @property
     def stiffest_matrices(self: Any) -> tuple[Array, Array, Array]:
         """Mass, stiffness and damping with all end stops closed, (n, n) each."""
         M, K, C = self.linear_matrices

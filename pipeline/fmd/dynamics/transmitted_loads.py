@@ -5,6 +5,7 @@ From the leaves to the ground, Newton's and Euler's laws give what each joint tr
     F = Ṗ + ω × P − m g − (loads and what children pull with)        M = L̇ + ω × L + V × P − …
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
@@ -16,7 +17,7 @@ from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import turned
 from fmd.dynamics.closures import Closure, Place
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import PointLoad
+from fmd.dynamics.links import Link, PointLoad
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.reactions import closing_reactions
 from fmd.reduction.body import FlexibleBody, MarkerShapes
@@ -152,21 +153,7 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
         n = max(part.shape[1] for part in parts)
         return np.concatenate([part if part.size else np.zeros((3, n, n)) for part in parts])
 
-    integrals, axis = links[body].integrals, links[body].axis / np.linalg.norm(links[body].axis)
-    integrals = replace(
-        integrals,
-        displacement2=counting(integrals.displacement2, loads.acceleration),
-        rotation2=counting(integrals.rotation2, loads.turning),
-    )
-    n, products = len(omega), _spin_products(loads.spin)
-    if integrals.stiffening.size and not counting(integrals.stiffening.reshape(9, n, n), products.reshape(-1, 9)).size:
-        G = integrals.G.copy()
-        G[:, :, 1:, 1:] += integrals.stiffening
-        integrals = replace(integrals, G=G, stiffening=integrals.stiffening[:, :, :0, :0])
-    joint_displacement2 = links[body].joint_displacement2
-    if joint_displacement2.size:
-        joint_displacement2 = counting(joint_displacement2[None], (loads.joint[:, 3:] @ axis)[:, None])[0]
-    links[body] = replace(links[body], integrals=integrals, joint_displacement2=joint_displacement2)
+    links[body] = _sift_own_terms(links[body], loads, counting)
     wrenches = zip(loads.wrenches, loads.open, strict=True)
 
     def counting_marker(at: MarkerShapes) -> MarkerShapes:
@@ -192,6 +179,25 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
             continue
         elements[k] = replace(element, ends=(counting_place(element.ends[0]), counting_place(element.ends[1])))
     return replace(mechanism, links=links, loads=points, closures=closures, elements=elements)
+
+
+def _sift_own_terms(link: Link, loads: BodyLoads, counting: Callable[[Array, Array], Array]) -> Link:
+    """Leave out what doesn't count of a link's terms by its accelerations, its spin and the force in its joint."""
+    integrals, axis = link.integrals, link.axis / np.linalg.norm(link.axis)
+    integrals = replace(
+        integrals,
+        displacement2=counting(integrals.displacement2, loads.acceleration),
+        rotation2=counting(integrals.rotation2, loads.turning),
+    )
+    n, products = len(link.omega), _spin_products(loads.spin)
+    if integrals.stiffening.size and not counting(integrals.stiffening.reshape(9, n, n), products.reshape(-1, 9)).size:
+        G = integrals.G.copy()
+        G[:, :, 1:, 1:] += integrals.stiffening
+        integrals = replace(integrals, G=G, stiffening=integrals.stiffening[:, :, :0, :0])
+    joint_displacement2 = link.joint_displacement2
+    if joint_displacement2.size:
+        joint_displacement2 = counting(joint_displacement2[None], (loads.joint[:, 3:] @ axis)[:, None])[0]
+    return replace(link, integrals=integrals, joint_displacement2=joint_displacement2)
 
 
 class LoadedPlaces(NamedTuple):

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, IntArray
 from fmd.dynamics.system import (
     System,
     accelerations,
@@ -28,7 +28,6 @@ from fmd.dynamics.system import (
 )
 from fmd.integrators.carried import DEGREES, CarriedSteps, carried_steps
 from fmd.integrators.central_difference import CentralDifference, LeapfrogSteps
-from fmd.integrators.cycles_with_tangents import CyclesWithTangents
 from fmd.integrators.fixed_step import (
     FixedMarch,
     FixedStepIntegrator,
@@ -42,6 +41,7 @@ from fmd.integrators.fixed_step import (
 from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import Integrator, Progress, State, Trajectory, require_ratio, start_state
 from fmd.kernels.arrays import copy
+from fmd.kernels.kernel import inlined
 from fmd.kernels.table import Table, aligned
 
 
@@ -147,7 +147,7 @@ class Subcycling(FixedStepIntegrator):
         """Return what a system is marched with."""
         if system.motion is not system:
             return self._march_with_tangents(system)
-        h, m, n_slow, n = self.step, self.substeps, system.n_slow, system.n
+        h, m, n = self.step, self.substeps, system.n
         if m == 1:
             return replace(CentralDifference(h).fixed_march(system), name=self.name)
         if system.n_contact_values:
@@ -159,8 +159,8 @@ class Subcycling(FixedStepIntegrator):
                 return carried_steps(system, h, m, DEGREES[self.forces], state)
             now = aligned(system.n_positions, n)
             if whole is None:
-                return FrozenSteps(h, m, n_slow, state.q, state.v, state.a, *now)
-            return WholeSteps(h, m, n_slow, state.q, state.v, state.a, *now, *aligned(n, n, n, n, n))
+                return FrozenSteps(h, m, system.fast_places, state.q, state.v, state.a, *now)
+            return WholeSteps(h, m, system.n_slow, state.q, state.v, state.a, *now, *aligned(n, n, n, n, n))
 
         storage = system.leapfrog() if self.remembered else whole
         return FixedMarch(self.name, make, system, system.frozen(m * h) if storage is None else storage, h, m)
@@ -188,11 +188,13 @@ class Subcycling(FixedStepIntegrator):
                 remembered = replace(state, memory=state.memory[2 : self._own_memory(system)])
                 cycles = carried_steps(system, h, m, DEGREES[self.forces], remembered)
             else:
-                cycles = FrozenSteps(h, m, system.n_slow, *own, *aligned(system.n_positions, n))
+                cycles = FrozenSteps(h, m, system.fast_places, *own, *aligned(system.n_positions, n))
             singles = LeapfrogSteps(h, *own, *aligned(system.n_positions, n))
             known = cycles.memory[-1:] if isinstance(cycles, CarriedSteps) else np.zeros(1)
             kind = np.zeros(1, dtype=np.int64)
-            return TouchingCycles(*own, cycles, singles, system.leapfrog(), state.memory[:2], known, kind, *room)
+            return TouchingCycles(
+                system.n_slow, *own, cycles, singles, system.leapfrog(), state.memory[:2], known, kind, *room
+            )
 
         storage = system.leapfrog() if self.remembered else system.frozen(m * h)
         return FixedMarch(self.name, make, system, storage, h, m, own_memory=self._own_memory(system))
@@ -200,14 +202,11 @@ class Subcycling(FixedStepIntegrator):
 
 @dataclass(frozen=True)
 class FrozenSteps(Table):
-    """State of a sub-cycled march, and room for what its samples begin with.
-
-    Fast coordinates are scalars: number i is position ``i + q.size - v.size``.
-    """
+    """State of a sub-cycled march, and room for what its samples begin with; fast coordinates are scalars."""
 
     h: float
     substeps: int
-    n_slow: int
+    place: IntArray  # (n,): position that each fast rate moves, -1 for slow ones
     q: Array
     v: Array
     a: Array
@@ -215,35 +214,47 @@ class FrozenSteps(Table):
     v_now: Array
 
 
+@dataclass(frozen=True)
+class CyclesWithTangents(FrozenSteps):
+    """State of a sub-cycled march with its tangents, whose slow coordinates stand between its fast ones."""
+
+
 @begin_cycle.register(FrozenSteps)
+@inlined
 def _begin_cycle(m: FrozenSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
     """Evaluate all accelerations, freeze the fast equation, and take the slow step."""
     t, H = first * m.h, m.substeps * m.h
-    for i in range(m.n_slow):
-        m.v_now[i] = m.v[i] + 0.5 * H * m.a[i]
-    for i in range(m.n_slow, m.v.size):
-        m.v_now[i] = m.v[i] + 0.5 * m.h * m.a[i]
-    if sampled:
-        for i in range(m.n_slow + m.q.size - m.v.size):
-            m.q_now[i] = m.q[i]
+    for i in range(m.v.size):
+        m.v_now[i] = m.v[i] + 0.5 * (H if m.place[i] < 0 else m.h) * m.a[i]
+    for i in range(m.q.size if sampled else 0):
+        m.q_now[i] = m.q[i]
     accelerations(p, t, m.q, m.v_now, m.a)
     freeze_slow(p, t, m.q, m.v_now, m.a, frozen)
-    for i in range(m.n_slow):
-        m.v[i] += H * m.a[i]
-    advance(p, m.q, m.v, H, 0, m.n_slow)
+    for i in range(m.v.size):
+        m.v_now[i] = 0.0
+        if m.place[i] < 0:
+            m.v[i] += H * m.a[i]
+            m.v_now[i] = m.v[i]
+    advance(p, m.q, m.v_now, H, 0, m.v.size)
+
+
+@begin_cycle.register(CyclesWithTangents)
+def _begin_with_tangents(m: CyclesWithTangents, p: Any, frozen: Any, first: int, sampled: bool) -> None:
+    copy(m.v, frozen.behind)
+    _begin_cycle(m, p, frozen, first, sampled)
 
 
 @take_steps.register(FrozenSteps)
 def _take_steps(m: FrozenSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
-    offset = m.q.size - m.v.size
-    if sampled:
-        for i in range(m.n_slow + offset, m.q.size):
-            m.q_now[i] = m.q[i]
+    for i in range(m.v.size if sampled else 0):
+        if m.place[i] >= 0:
+            m.q_now[m.place[i]] = m.q[m.place[i]]
     taken = 0
     if done == 0:  # with the accelerations of the cycle's begin
-        for i in range(m.n_slow, m.v.size):
-            m.v[i] += m.h * m.a[i]
-            m.q[i + offset] += m.h * m.v[i]
+        for i in range(m.v.size):
+            if m.place[i] >= 0:
+                m.v[i] += m.h * m.a[i]
+                m.q[m.place[i]] += m.h * m.v[i]
         taken = 1
     if count > taken:
         fast_steps(p, frozen, first + done + taken, m.h, count - taken, m.q, m.v, m.a)
@@ -255,11 +266,14 @@ def _sample_within(m: FrozenSteps, p: Any, done: int, s: float, q: Array, v: Arr
     s_slow, H = s + done * m.h, m.substeps * m.h
     copy(m.q_now, q)
     for i in range(v.size):  # Taylor's polynomial, which the next step continues
-        step, ahead = (H, s_slow) if i < m.n_slow else (m.h, s)
-        m.v_now[i] = m.v[i] - 0.5 * step * m.a[i] + 0.5 * ahead * m.a[i]
-        v[i] = m.v_now[i] + 0.5 * ahead * m.a[i]
-    advance(p, q, m.v_now, s_slow, 0, m.n_slow)
-    advance(p, q, m.v_now, s, m.n_slow, v.size)
+        step, ahead = (H, s_slow) if m.place[i] < 0 else (m.h, s)
+        rate = m.v[i] - 0.5 * step * m.a[i] + 0.5 * ahead * m.a[i]
+        v[i] = rate + 0.5 * ahead * m.a[i]
+        m.v_now[i] = rate
+        if m.place[i] >= 0:
+            q[m.place[i]] += ahead * rate
+            m.v_now[i] = 0.0
+    advance(p, q, m.v_now, s_slow, 0, v.size)
 
 
 @end_cycle.register(FrozenSteps)

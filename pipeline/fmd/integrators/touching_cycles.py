@@ -29,6 +29,7 @@ TAKEN, SAMPLED, SINGLE = range(3)
 class TouchingCycles(Table):
     """State of a march whose cycles are of sub-cycling or of single steps; both kinds have the same arrays."""
 
+    n_slow: int
     q: Array
     v: Array
     a: Array
@@ -50,7 +51,7 @@ def _move_slow_rates(m: TouchingCycles, p: Any, t: float, single: float) -> None
     """Evaluate the accelerations at a state, and set the slow rates half a step before it or half a cycle."""
     c, H = m.cycles, m.cycles.substeps * m.cycles.h
     accelerations(p, t, m.q, m.v_now, m.a)
-    for i in range(c.n_slow):
+    for i in range(m.n_slow):
         m.v[i] = m.v_now[i] - 0.5 * (c.h if single != 0.0 else H) * m.a[i]
     m.memory[0] = single
 
@@ -60,7 +61,7 @@ def _begin_cycle(m: TouchingCycles, p: Any, frozen: Any, first: int, sampled: bo
     c, single, t = m.cycles, m.memory[0] != 0.0, first * m.cycles.h
     H = c.substeps * c.h
     for i in range(m.v.size):
-        step = H if i < c.n_slow and not single else c.h
+        step = H if i < m.n_slow and not single else c.h
         m.v_now[i] = m.v[i] + 0.5 * step * m.a[i]
     if not may_touch(p, t, H, m.q, m.v_now):
         if single:

@@ -112,11 +112,10 @@ class TangentSystem(PlainSystem):
     @property
     def fast_places(self) -> IntArray:
         """Position that each fast rate moves, of the tangents as of the motion, shape (n,); -1 for slow rates."""
-        own, places = self._system, np.full(self.n, -1, dtype=np.int64)
-        fast, shift = np.arange(own.n_slow, own.n), own.n_positions - own.n
-        places[fast] = fast + shift
+        own, places = self._system.fast_places, np.full(self.n, -1, dtype=np.int64)
+        fast, places[: own.size] = np.flatnonzero(own >= 0), own
         for lane in range(LANES):
-            places[_lines(own.n) + LANES * fast + lane] = _lines(own.n_positions) + LANES * (fast + shift) + lane
+            places[_lines(own.size) + LANES * fast + lane] = _lines(self._system.n_positions) + LANES * own[fast] + lane
         return places
 
     @property

@@ -116,22 +116,32 @@ def read_nastran(text: str) -> RawMesh:
         raise MeshFileError(str(error)) from None
     raw = RawMesh(np.array(list(x.values())), others=dict(others), connections=connections)
     raw.beams = beams.finished(x, moves, known.directions)
-    for kind, rows in cells.items():
-        try:
-            numbers = np.array([[place[node] for node in row] for row in rows], dtype=np.int64)
-        except KeyError as error:
-            raise MeshFileError(f"an element names grid point {error}, which isn't there") from None
-        order = CELLS[kind].nastran_order if kind in CELLS else ()
-        raw.blocks.append((kind, numbers[:, order] if order else numbers))
+    raw.blocks = [(kind, _number_nodes(kind, rows, place)) for kind, rows in cells.items()]
     by_block = {kind: properties[kind] for kind in cells}
     raw.shells = shells.of_blocks(by_block, raw.blocks, raw.points, known.directions)
     raw.stacks, raw.shell_faults = shells.stacks, shells.faults
-    for b, kind in enumerate(cells):
-        own = np.array(properties[kind])
-        for label in np.unique(own):
-            sets = raw.cell_sets.setdefault(f"property-{label or 'none'}", [np.empty(0, int) for _ in cells])
-            sets[b] = np.flatnonzero(own == label)
+    raw.cell_sets |= _sets_by_property(by_block)
     return raw
+
+
+def _number_nodes(kind: str, rows: list[list[int]], place: Mapping[int, int]) -> IntArray:
+    """Return the nodes of elements of a kind by their places, in the order of our cells."""
+    try:
+        numbers = np.array([[place[node] for node in row] for row in rows], dtype=np.int64)
+    except KeyError as error:
+        raise MeshFileError(f"an element names grid point {error}, which isn't there") from None
+    order = CELLS[kind].nastran_order if kind in CELLS else ()
+    return numbers[:, order] if order else numbers
+
+
+def _sets_by_property(by_block: Mapping[str, list[str]]) -> dict[str, list[IntArray]]:
+    """Return the elements of each block that have a property, by its name."""
+    found = dict[str, list[IntArray]]()
+    for b, labels in enumerate(map(np.array, by_block.values())):
+        for label in np.unique(labels):
+            sets = found.setdefault(f"property-{label or 'none'}", [np.empty(0, int) for _ in by_block])
+            sets[b] = np.flatnonzero(labels == label)
+    return found
 
 
 def read_grid_points(text: str) -> tuple[IntArray, Array, Connections]:
