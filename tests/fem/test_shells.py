@@ -37,7 +37,7 @@ def unknowns_of(points: IntArray) -> IntArray:
     return np.asarray((3 * points[:, None] + np.arange(3)).ravel())
 
 
-def random_elements(element: str, count: int = 1000) -> SolidMesh:
+def random_elements(element: str, count: int = 300) -> SolidMesh:
     """Elements apart from one another, distorted, warped, thick and thin, turned at random."""
     rng = np.random.default_rng(3)
     corners = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])[: 4 if element == "quadrilateral" else 3]
@@ -51,7 +51,7 @@ def random_elements(element: str, count: int = 1000) -> SolidMesh:
 
 
 @both
-def test_each_of_a_thousand_random_elements_has_six_motions_without_energy(element: str) -> None:
+def test_each_of_hundreds_of_random_elements_has_six_motions_without_energy(element: str) -> None:
     mesh = random_elements(element)
     fe = assemble(mesh, 1, METAL)
     assert mesh.midsurface is not None

@@ -177,10 +177,10 @@ def test_tangents_of_many_numbers_march_together_and_are_those_of_marches_drawn_
 ) -> None:
     """Springs, dampers, a load's size and when it ends, and starts, through places, stress and a joint's load."""
     names = ["tip", "forearm.stress", "forearm.wrist.position.y", "elbow.moment.z"]
-    push = "drive.swing.torque={times=['0 s','0.1 s','0.15 s','1 s'],values=[0.0,9.0,0.0,0.0],unit='N m'}"
+    push = "drive.swing.torque={times=['0 s','0.03 s','0.045 s','1 s'],values=[0.0,9.0,0.0,0.0],unit='N m'}"
     joints = ["joint.elbow.spring", "joint.elbow.damper", "joint.wrist.spring", "joint.shoulder.angle"]
     keys = [*joints, "drive.swing.torque"]
-    result = package.load("arm", *SMALL_ARM, "simulation.duration=0.12 s", push)
+    result = package.load("arm", *SMALL_ARM, "simulation.duration=0.04 s", push)
     by_tangents = package.jacobian(result, names, keys)
     frozen = FrozenRun(result.run)
     motion = frozen.at({}, by=[find_parameter(result.run.scene, key) for key in keys])

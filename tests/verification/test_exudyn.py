@@ -107,7 +107,7 @@ def march_there(script: Path, driven: bool, step: float) -> np.ndarray:
     return np.mean([one[rows, 1:4] for one in data], axis=0)
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name == "beam")) for name in SCENES])
 def test_the_tip_moves_there_as_here(name: str, tmp_path: Path):
     run = make_run(name, tmp_path)
     write_format(run, "exudyn", "beam", tmp_path / "body.npz")
