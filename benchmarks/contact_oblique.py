@@ -212,7 +212,7 @@ def whole_march(whole: Whole, omega: float, alpha: float = -0.05) -> History:
     return History(np.array(forces), np.array(heats), seconds)
 
 
-def sweep(D: np.ndarray, y: np.ndarray, lam: np.ndarray) -> None:
+def sweep(D: np.ndarray, y: np.ndarray, lam: np.ndarray, friction: float = MU) -> None:
     """Change forces node by node until each is on its cone for ``y + D λ``, the gap and the slip."""
     rows = D.reshape(len(lam), 3, -1)
     steps = [1 / np.linalg.eigvalsh(D[k : k + 3, k : k + 3])[-1] for k in range(0, len(D), 3)]
@@ -221,7 +221,7 @@ def sweep(D: np.ndarray, y: np.ndarray, lam: np.ndarray) -> None:
         for k, step in enumerate(steps):
             normal, *aside = lam[k] - step * (y[k] + rows[k] @ lam.ravel())
             normal, size = max(normal, 0.0), np.hypot(*aside)
-            share = MU * normal / size if size > MU * normal else 1.0
+            share = friction * normal / size if size > friction * normal else 1.0
             lam[k] = normal, share * aside[0], share * aside[1]
         if np.abs(lam - before).max() <= 1e-8 * np.abs(lam).max():
             return

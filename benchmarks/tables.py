@@ -337,6 +337,18 @@ TABLES: dict[str, Callable[[], str]] = {
             "processor time": "{seconds} s",
         },
     ),
+    "contact-rub": partial(
+        listed,
+        "contact_rub",
+        {
+            "march": "{march}",
+            "impulse outwards [N s]": "{impulse_Ns}",
+            "friction's work [J]": "{heat_J}",
+            "largest force [N]": "{largest_force_N}",
+            "rms of its difference outwards, over the largest": "{outwards_rms}",
+            "of the force around": "{around_rms}",
+        },
+    ),
     "gears": partial(
         listed,
         "gears",
