@@ -15,7 +15,7 @@ from fmd.contact.dense import dot, factor_equations, solve_equations
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
 from fmd.core.limits.code import DOUBLES_IN_LINE
-from fmd.core.limits.contact import KNOWN_RESPONSES, NEWTON_ROUNDS, SLOW_ROUND, SMALL_FORCE
+from fmd.core.limits.contact import KNOWN_RESPONSES, NEWTON_ROUNDS, SLOW_ROUND, SMALL_FORCE, TRIED_RATE
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.vectors import fill_vector, read_vector, write_vector
 
@@ -123,12 +123,13 @@ def _try(c: ContactTable, g: int, i: int, own: int) -> float:
 
 @inlined
 def _rate(c: ContactTable, g: int, own: int) -> float:
-    """Return ρ of a point, its flexibility with all others held where P is known, else its own."""
+    """Return ρ of a point, its own flexibility, where P is known no more than a few times that with all others held."""
     on = c.stride[g] + 1
     at = c.first_entry[g, 0] + 3 * own * on
+    soft = max(c.D[at], c.D[at + on], c.D[at + 2 * on])
     if c.inverted[g] == 1:
-        return float(1.0 / max(c.P[at], c.P[at + on], c.P[at + 2 * on]))
-    return float(max(c.D[at], c.D[at + on], c.D[at + 2 * on]))
+        soft = min(soft, TRIED_RATE / max(c.P[at], c.P[at + on], c.P[at + 2 * on]))
+    return float(soft)
 
 
 @inner
