@@ -2,38 +2,24 @@
 
 import ast
 import builtins
-from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from fmd.kernels.arithmetic import COMPARISONS, common_type, compare, compute, convert, negate, truth
 from fmd.kernels.library import FUNCTIONS
 from fmd.kernels.places import find_entry, row_of, size_of, slice_of
-from fmd.kernels.types import NOTHING, TRUTH, WHOLE, ArrayType, TableType, TupleType, Type, llvm_type, name_of
+from fmd.kernels.types import NOTHING, TRUTH, WHOLE, ArrayType, TableType, TupleType, llvm_type, name_of
 from fmd.kernels.writer import BlockWriter, NotInSubset, Value, real, tuple_of, whole
-
-
-class Functions(Protocol):
-    """Translates the functions that a function calls."""
-
-    def is_marked(self, function: Any) -> bool:
-        """Tell whether kernels may call a function."""
-
-    def function(self, function: Any, types: tuple[Type, ...]) -> tuple[str, Type]:
-        """Return the name of a function for types of arguments, and the type of its result."""
-
-    def constants(self, entry: str, texts: Sequence[str]) -> str:
-        """Return the name of a constant array."""
 
 
 class Expressions:
     """Writes the expressions of a function, whose names that aren't its variables are what they are to it.
 
-    The module translates what is called; lines go to the writer.
+    The module, that of `fmd.kernels.translate`, translates what is called; lines go to the writer.
     """
 
-    def __init__(self, module: Functions, function: Any, writer: BlockWriter) -> None:
+    def __init__(self, module: Any, function: Any, writer: BlockWriter) -> None:
         self.module, self.function, self.w = module, function, writer
         self._variables: dict[str, Value] = {}
         cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
@@ -85,10 +71,6 @@ class Expressions:
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
             return self._not(self.test(node.operand))
         return truth(self.w, self.value(node))
-
-    def compute(self, op: ast.operator, x: Value, y: Value) -> Value:
-        """Return the result of an operation."""
-        return compute(self.w, op, x, y)
 
     def _constant(self, x: Any, name: str) -> Value:
         if isinstance(x, bool | np.bool_):
@@ -181,7 +163,7 @@ class Expressions:
         return self.w.value(kind, f"load {kind}, ptr {place.text}, align 8")
 
     def _write_binop_value(self, node: ast.BinOp) -> Value:
-        return self.compute(node.op, self.value(node.left), self.value(node.right))
+        return compute(self.w, node.op, self.value(node.left), self.value(node.right))
 
     def _write_unaryop_value(self, node: ast.UnaryOp) -> Value:
         if isinstance(node.op, ast.Not):

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
-import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.cache import Cache
-from fmd.core.limits.code import DOUBLES_IN_LINE
+from fmd.kernels.table import aligned
 
 DIGEST_BYTES = 16
 """Length of `digest_of` a content."""
@@ -94,7 +93,8 @@ class LoadedObject:
     """
 
     def __init__(self, content: bytes, constants: Array | None = None) -> None:
-        self._constants = _aligned(np.zeros(0) if constants is None else constants)
+        (self._constants,) = aligned(0 if constants is None else constants.size)
+        self._constants[:] = 0.0 if constants is None else constants
         self.n_bytes = len(content) + self._constants.nbytes
         self._addresses: dict[str, int] = {}
         # It links what is compiled already: one for this processor in particular takes twice as long to load.
@@ -116,11 +116,3 @@ class LoadedObject:
     def variable(self, name: str) -> int:
         """Return a global variable's address."""
         return int(self._engine.get_global_value_address(name))
-
-
-def _aligned(values: Array) -> Array:
-    """Return a copy of an array (n,) that begins with a line of the processor's cache."""
-    room = np.empty(values.size + DOUBLES_IN_LINE)
-    first = -(room.ctypes.data // room.itemsize) % DOUBLES_IN_LINE
-    room[first : first + values.size] = values
-    return room[first : first + values.size]

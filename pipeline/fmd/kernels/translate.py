@@ -15,7 +15,7 @@ from functools import cache
 from typing import Any
 
 from fmd.core.limits.code import ROUNDS_AT_ONCE
-from fmd.kernels.arithmetic import convert
+from fmd.kernels.arithmetic import compute, convert
 from fmd.kernels.expressions import Expressions
 from fmd.kernels.library import DECLARATIONS
 from fmd.kernels.places import CHECKS, find_entry
@@ -179,7 +179,7 @@ class _Body(Expressions):
 
     def _write_augassign(self, statement: ast.AugAssign) -> None:
         old = self.value(statement.target)
-        self._set(statement.target, self.compute(statement.op, old, self.value(statement.value)))
+        self._set(statement.target, compute(self.w, statement.op, old, self.value(statement.value)))
 
     def _set(self, target: ast.expr, value: Value) -> None:
         if isinstance(target, ast.Name):

@@ -206,14 +206,13 @@ def _forces(system: CompiledSystem, q: Array) -> Array:
 
 def _slopes(system: CompiledSystem, q: Array) -> Array:
     """Return the derivatives of the forces at rest by changes of the positions, shape (n, n)."""
-    still, touches = np.zeros(system.n), bool(system.mechanism.contacts)
-
-    def forces(change: Array) -> Array:
-        moved = move_positions(system.parameters, q, change)
-        return -system.compiled.residual(0.0, moved, still, still) if touches else _forces(system, moved)
-
-    slopes = differentiate(forces, still, _nudges(system))
-    if not touches:
+    nudges, p = _nudges(system), system.parameters
+    if system.mechanism.closures and not system.mechanism.contacts:
+        return differentiate(lambda by: _forces(system, move_positions(p, q, by)), np.zeros(system.n), nudges)
+    ahead, behind = (np.array([move_positions(p, q, by) for by in np.diag(d)]) for d in (nudges, -nudges))
+    found = system.compiled.still_residuals(np.concatenate([ahead, behind]))
+    slopes = ((found[system.n :] - found[: system.n]) / (2 * nudges[:, None])).T
+    if not system.mechanism.contacts:
         return slopes
     from fmd.stages.pressed_points import pressed_stiffness  # a scene without contact loads none of it
 

@@ -22,6 +22,8 @@ def test_the_residual_is_mass_times_acceleration_less_force(seed: int) -> None:
     compiled = made.compiled
     assert difference(compiled.residual(TIME, q, v, a), M @ a - Q) < 1e-8
     assert difference(compiled.mass_matrix(compiled.signal_values(TIME), q), M) < 1e-12
+    many, still = np.array([q, 1.01 * q]), np.zeros(len(v))
+    assert (compiled.still_residuals(many) == [compiled.residual(0.0, x, still, still) for x in many]).all()
 
 
 @EACH

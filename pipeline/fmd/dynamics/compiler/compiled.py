@@ -162,6 +162,17 @@ class CompiledMechanism:
         self.call("residual", self.signal_values(t), *_contiguous(q, v, a), r)
         return r
 
+    def still_residuals(self, positions: Array) -> Array:
+        """Return ``−Q̂`` at rest at time 0 at many positions (n_states, n_positions), shape (n_states, n)."""
+        n, q = self.mechanism.n, np.zeros(positions.shape[1])
+        found, r = np.empty((len(positions), n)), np.zeros(n)
+        call = self.bound("residual", self.signal_values(0.0), q, np.zeros(n), np.zeros(n), r)
+        for out, state in zip(found, positions, strict=True):
+            q[:] = state
+            call()
+            out[:] = r
+        return found
+
     def tangents(self, inputs: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
         """Return the residual's derivatives by q (n, n_positions), v (n, n) and a, which is ``M̂`` (n, n)."""
         found = self._tangents(inputs, q, v, a, slice(len(inputs), None))
