@@ -74,7 +74,7 @@ def direction(family: Family, share: float) -> Direction:
 
 METHODS = (CentralDifference(2e-3), RungeKutta(1e-12), Subcycling(1e-3, 4))
 QUICK = ((1, 1), (16, 0), (16, 1), (2, 2), (16, 2))  # sub-cycled: fast coordinates that couple, and that don't
-SLOW = [(0, 0), (37, 0), (44, 1)]
+SLOW = [(0, 0), (8, 1), (37, 0), (44, 1)]  # 8 alone sees a wrong slope of the series for small angles
 LONG = [(seed, k) for seed in (0, 1, 2, 8, 13, 37, 44) for k in range(3) if (seed, k) not in (*QUICK, *SLOW, (44, 2))]
 
 
