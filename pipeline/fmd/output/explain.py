@@ -5,8 +5,8 @@ from typing import Any, Literal
 
 from fmd.accuracy.error_budget import ERROR_BUDGET, read_kept_errors
 from fmd.accuracy.solved_scene import SETTINGS, SolvedScene
-from fmd.core.cache import stage_key
-from fmd.core.limits.memory import ALWAYS_FIT
+from fmd.core.cache import Cache, stage_key
+from fmd.core.limits.memory import ALWAYS_FIT, SMALL_SYSTEM
 from fmd.core.paths import KERNEL_SOURCES, source_digest
 from fmd.output.output_kinds import kind_of, outputs_of
 from fmd.output.picture_files import picture_key
@@ -16,6 +16,7 @@ from fmd.stages.pipeline import RUN_STAGES, Pipeline
 from fmd.stages.run_checks import expected_bytes
 from fmd.stages.runs import MACHINE_CODE
 from fmd.stages.stage import Stage
+from fmd.stages.store import StageStore
 
 Fate = Literal["run", "cached", "skipped", "open"]
 
@@ -39,10 +40,11 @@ class Step:
 
 @dataclass(frozen=True)
 class Forecast:
-    """Forecast of a run, stage by stage, and of the memory that its results take [bytes]."""
+    """Forecast of a run, stage by stage, and of the memory that its results, and searches for modes, take [bytes]."""
 
     steps: tuple[Step, ...]
     memory: float = 0.0
+    memory_of_modes: float = 0.0  # of the largest body whose modes will be sought
 
     @property
     def seconds(self) -> float:
@@ -51,9 +53,10 @@ class Forecast:
 
     @property
     def line(self) -> str:
-        """Stages that will run and the time of all, and the memory of large results, in one line."""
-        memory = f"; results take about {self.memory / 1e9:.2g} GB of memory" if self.memory > ALWAYS_FIT else ""
-        return self._line_of_time + memory
+        """Stages that will run and the time of all, and the memory of large results and of modes, in one line."""
+        parts = {"results take": self.memory, "modes": self.memory_of_modes}
+        large = [f"{what} about {size / 1e9:.2g} GB of memory" for what, size in parts.items() if size > ALWAYS_FIT]
+        return "; ".join([self._line_of_time, *large])
 
     @property
     def _line_of_time(self) -> str:
@@ -69,7 +72,8 @@ class Forecast:
     def summary(self) -> dict[str, Any]:
         """Return the forecast as plain numbers and texts."""
         stages = [asdict(step) for step in self.steps]
-        return {"stages": stages, "seconds": self.seconds, "memory_bytes": self.memory, "forecast": self.line}
+        memory = {"memory_bytes": self.memory, "modes_memory_bytes": self.memory_of_modes}
+        return {"stages": stages, "seconds": self.seconds, **memory, "forecast": self.line}
 
 
 def forecast_run(solved: SolvedScene, pictures: bool, budget: bool) -> Forecast:
@@ -261,7 +265,28 @@ class _Planner:
     def forecast(self) -> Forecast:
         """Return all stages in their order."""
         steps = sorted(self._steps.values(), key=lambda step: STAGES.index(step.stage))
-        return Forecast(tuple(steps), expected_bytes(self._run.scene) if self._run.scene.moves else 0.0)
+        results = expected_bytes(self._run.scene) if self._run.scene.moves else 0.0
+        sought = [step.body for step in steps if step.stage == "modes" and step.fate == "run"]
+        kept = {step.body for step in steps if step.stage == "mesh" and step.fate == "cached"}
+        meshed = [name for name in sought if name in kept or self._run.parts[name].shape.shape != "cad"]
+        largest = max((bytes_of_modes(self._run, name) for name in meshed), default=0.0)
+        return Forecast(tuple(steps), results, largest)
+
+
+def bytes_of_modes(run: Pipeline, name: str) -> float:
+    """Predict the memory of a part's modes by its mesh [bytes]; 0 of few unknowns, and where elements aren't alike."""
+    part = run.parts[name]
+    if part.piece is None:  # a mesh that isn't kept leaves no trace; that of CAD is read
+        store = StageStore(run.store.cache if part.shape.shape == "cad" else Cache(None))
+        part = FlexiblePart(run.scene, name, store, part)
+    space = part.space if part.has_mesh else None
+    nodes = getattr(space, "element_nodes", None)  # which solids beside shells or beams have of each kind
+    if space is None or nodes is None or 3 * len(space.x) < SMALL_SYSTEM:
+        return 0.0
+    from fmd.reduction.factor.factor import predict_bytes
+
+    modes = part.shape.modes
+    return predict_bytes(nodes, modes.count if modes.family == "any" else 4 * modes.count)
 
 
 def _rounded(seconds: float | None) -> str:

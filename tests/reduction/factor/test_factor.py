@@ -129,7 +129,8 @@ def test_corners_alone_are_ordered_and_fill_in_no_more(body: str, request: pytes
     """Beside METIS' order of all nodes; each of the others comes before the first corner that has all its couplings."""
     pymetis = pytest.importorskip("pymetis")
     A = positive(request.getfixturevalue(body))
-    found, (graph, _) = fill_reducing_order(A), node_graph(A)
+    graph, size = node_graph(A)
+    found = fill_reducing_order(graph, size)
     assert len(found.ends) < 0.35 * graph.shape[0]
     others = sp.csr_array(graph - sp.eye_array(graph.shape[0], dtype=np.int8))
     others.eliminate_zeros()
@@ -237,7 +238,7 @@ def test_the_predicted_nonzeros_are_those_of_a_factor(
     without(monkeypatch, *missing)
     monkeypatch.setattr(factor, "SMALL_SYSTEM", 0)
     A = positive(request.getfixturevalue(body))
-    found = fill_reducing_order(A)
+    found = fill_reducing_order(*node_graph(A))
     assert found.size == 3
     nonzeros, places = factor_nonzeros(multifrontal.elimination_tree(found.graph)[0], 3), found.unknowns
     assert factorise(A).figures.nonzeros == nonzeros

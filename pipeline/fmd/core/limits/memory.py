@@ -22,6 +22,7 @@ FRONT_ZEROS, SHARE_OF_ZEROS = 4000, 0.05
 PANEL, TILE, BLOCK = 4, 8, 64
 # Bytes for each nonzero of A while it is copied from one format to the next: 25 to 55 and 9 to 15 were measured.
 BYTES_FOR_CHOLMOD, BYTES_FOR_FRONTS = 60.0, 20.0
+BYTES_OF_MATRICES = 192.0  # of stiffness and mass, for each pair of nodes: 9 and 3 entries with their columns
 # Vectors at the peak of a search for modes: of each mode, for each load that is solved for at a time, and beside these.
 # Measured of 10 to 200 modes: 81 and 7.0 of each with one load at a time; with eight 0.67 (10 modes) to 0.96 of these.
 VECTORS_OF_MODE, VECTORS_OF_BLOCK, VECTORS_BESIDE = 8, 30, 100

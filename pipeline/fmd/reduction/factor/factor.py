@@ -16,7 +16,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.memory import (
     BYTES_FOR_CHOLMOD,
-    BYTES_FOR_FRONTS,
+    BYTES_OF_MATRICES,
     SMALL_SYSTEM,
     VECTORS_BESIDE,
     VECTORS_OF_BLOCK,
@@ -85,10 +85,10 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
         return Factor(factor.solve, FactorFigures("SuperLU", "MMD", n, nonzeros, int(_BYTES["SuperLU"] * nonzeros)))
     A = sp.csr_array(A)
     from fmd.reduction.factor import multifrontal as own
-    from fmd.reduction.factor.order import fill_reducing_order
+    from fmd.reduction.factor.order import fill_reducing_order, node_graph
     from fmd.reduction.factor.panels import LANES
 
-    order = fill_reducing_order(A)
+    order = fill_reducing_order(*node_graph(A))
     counts, parent = own.elimination_tree(order.graph)
     nonzeros = factor_nonzeros(counts, order.size)
     if solver == "cholesky":
@@ -98,7 +98,7 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
     again, fronts = own.plan_fronts(order, counts, parent)
     figures = FactorFigures("multifrontal", order.name, n, nonzeros, 8 * sum(front.entries for front in fronts))
     stack = own.plan_stack(fronts)
-    _refuse_too_large(figures, 8.0 * (stack[1] + own.widest_columns(fronts)) + BYTES_FOR_FRONTS * A.nnz)
+    _refuse_too_large(figures, own.bytes_beside(fronts, stack, A.nnz))
     with one_thread():
         return Factor(own.factorise_fronts(A, order.unknowns[again], fronts, stack), figures, at_once=LANES)
 
@@ -126,9 +126,32 @@ def refuse_too_large(needed: float, what: str, how: str = "", remedy: str = "") 
 def refuse_large_search(factor: Factor, unknowns: int, count: int) -> None:
     """Raise `TooLargeError` if the vectors of a search for so many modes don't fit into the available memory."""
     if factor.lowest is None:  # in this process
-        vectors = VECTORS_OF_MODE * count + VECTORS_OF_BLOCK * factor.at_once + VECTORS_BESIDE
         what = f"the search for {count} modes of its {unknowns} unknowns needs"
-        refuse_too_large(8.0 * unknowns * vectors, what, remedy=", or take fewer modes")
+        refuse_too_large(_search_bytes(unknowns, count, factor.at_once), what, remedy=", or take fewer modes")
+
+
+def _search_bytes(unknowns: int, count: int, at_once: int) -> float:
+    """Memory of the vectors of a search for so many modes [bytes]."""
+    return 8.0 * unknowns * (VECTORS_OF_MODE * count + VECTORS_OF_BLOCK * at_once + VECTORS_BESIDE)
+
+
+def predict_bytes(nodes: IntArray, count: int) -> float:
+    """Predict the memory of a search for so many modes [bytes], with matrices and our own factor.
+
+    Each element couples all unknowns of its nodes (n_elements, n_local), three a node.
+    """
+    from fmd.reduction.factor import multifrontal as own
+    from fmd.reduction.factor.order import fill_reducing_order
+    from fmd.reduction.factor.panels import LANES
+
+    ends = np.arange(len(nodes) + 1) * nodes.shape[1]
+    within = sp.csr_array((np.ones(nodes.size, dtype=np.int8), nodes.ravel(), ends))
+    graph = sp.csr_array(within.T @ within)
+    order, unknowns = fill_reducing_order(graph, 3), 3 * graph.shape[0]
+    _, fronts = own.plan_fronts(order, *own.elimination_tree(order.graph))
+    beside = own.bytes_beside(fronts, own.plan_stack(fronts), 9 * graph.nnz)
+    kept = 8 * sum(front.entries for front in fronts) + BYTES_OF_MATRICES * graph.nnz
+    return float(kept + max(beside, _search_bytes(unknowns, count, LANES)))
 
 
 def _cholmod(A: sp.csr_array, order: IntArray) -> Callable[[Array], Array]:

@@ -17,7 +17,7 @@ from scipy.linalg.lapack import dpotrf
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.memory import FRONT_ZEROS, SHARE_OF_ZEROS
+from fmd.core.limits.memory import BYTES_FOR_FRONTS, FRONT_ZEROS, SHARE_OF_ZEROS
 from fmd.core.limits.modes import SINGULAR
 from fmd.kernels.kernel import inlined, kernel
 from fmd.kernels.table import aligned
@@ -135,6 +135,11 @@ def plan_stack(fronts: Sequence[Front]) -> tuple[list[int], int]:
 def widest_columns(fronts: Sequence[Front]) -> int:
     """Return the entries of the columns of the front that has most of them, its square whole."""
     return max(front.width * (front.width + len(front.below)) for front in fronts)
+
+
+def bytes_beside(fronts: Sequence[Front], stack: tuple[list[int], int], nonzeros: int) -> float:
+    """Return the memory that a matrix of so many nonzeros takes beside its factor while it is factorised [bytes]."""
+    return 8.0 * (stack[1] + widest_columns(fronts)) + BYTES_FOR_FRONTS * nonzeros
 
 
 def _require_regular(shares: Array) -> None:

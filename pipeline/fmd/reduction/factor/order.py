@@ -54,9 +54,8 @@ def node_graph(A: sp.csr_array) -> tuple[sp.csr_array, int]:
     return sp.csr_array(graph.maximum(graph.T)), size
 
 
-def fill_reducing_order(A: sp.csr_array) -> Order:
-    """Order a matrix' nodes by METIS, or by SuperLU's minimum degree where pymetis isn't installed."""
-    graph, size = node_graph(A)
+def fill_reducing_order(graph: sp.csr_array, size: int) -> Order:
+    """Order the nodes of a `node_graph` by METIS, or by SuperLU's minimum degree where pymetis isn't installed."""
     indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
     degrees, n = np.diff(indptr), graph.shape[0]
     decides, seen = np.full((2, n), -1)
