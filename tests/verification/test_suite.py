@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fmd.core.errors import AccuracyError
+from fmd.core.errors import AccuracyError, InputError
 from fmd.fem.material import Material
 from fmd.verification import closed_forms, suite
 from fmd.verification.case import Figure, VerificationCase
@@ -209,3 +209,11 @@ def test_several_cases_out_of_tolerance_are_counted() -> None:
     with pytest.raises(AccuracyError, match=r"\+100 % exceeds 10 % \(and 1 more cases\)"):
         require_tolerances([wrong, Outcome(case, (), 0.0, "failed")])
     require_tolerances([Outcome(case, (Figure("x", 1.05, 1.0, 0.1),), 0.0)])
+
+
+def test_a_subject_names_its_cases_once_and_an_unknown_one_is_refused_with_the_names() -> None:
+    chosen = [case.name for case in suite.choose_cases(["slope", "contact", "fv52"])]
+    assert chosen == ["slope", "bouncing-bar", "ball", "struck-beam", "pushed-ball", "fv52"]
+    assert len(suite.choose_cases([])) == len(CASES)
+    with pytest.raises(InputError, match="did you mean 'contact'"):
+        suite.choose_cases(["contacts"])

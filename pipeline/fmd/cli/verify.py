@@ -27,7 +27,7 @@ def verify(
     Parameters
     ----------
     cases
-        Names of cases, e.g. fv52; all by default.
+        Names of cases or of subjects, e.g. fv52 or contact; all by default.
     out
         Folder for the table as CSV and JSON.
     """

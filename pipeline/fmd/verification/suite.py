@@ -16,6 +16,8 @@ from fmd.verification.case import CaseSkipped, Figure, VerificationCase
 
 _PARTS = (frequencies, rotation, tops, loops, bodies, contact, wind_turbine, functional_mockup)
 CASES = {case.name: case for part in _PARTS for case in part.CASES}
+# A subject is its module's name; ``fmd verify contact`` runs the cases of contact.
+SUBJECTS = {part.__name__.rpartition(".")[2].replace("_", "-"): part.CASES for part in _PARTS}
 
 
 @dataclass(frozen=True)
@@ -35,17 +37,19 @@ class Outcome:
 
 
 def choose_cases(names: Sequence[str]) -> list[VerificationCase]:
-    """Return the cases with these names; all, if there are no names.
+    """Return the cases with these names, and all of a subject for its name; all cases, if there are no names.
 
     Raises
     ------
     InputError
-        There is no case with one of the names.
+        There is neither a case nor a subject with one of the names.
     """
+    known = {**{name: (case,) for name, case in CASES.items()}, **SUBJECTS}
     for name in names:
-        if name not in CASES:
-            raise InputError("verify", "", name, f"no such case; {suggest_name(name, CASES, 'the cases')}")
-    return [CASES[name] for name in dict.fromkeys(names)] or list(CASES.values())
+        if name not in known:
+            raise InputError("verify", "", name, f"no such case; {suggest_name(name, known, 'cases and subjects')}")
+    chosen = {case.name: case for name in names for case in known[name]}
+    return list((chosen or CASES).values())
 
 
 def run_cases(cases: Sequence[VerificationCase], cache: Cache | None = None) -> Iterator[Outcome]:
