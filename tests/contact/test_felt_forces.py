@@ -98,6 +98,19 @@ def test_points_of_a_body_that_a_joint_holds_alone_give_way_as_its_whole_element
     assert not [each for each in contact_warnings(run) if each["code"] == "contact-joint"]
 
 
+@pytest.mark.parametrize("place", ['{ face = "x+" }', '{ at = ["200 mm", "-50 mm", "30 mm"] }'])
+def test_a_joint_on_the_face_that_touches_leaves_it_the_flexibility_of_a_free_body(place: str) -> None:
+    """Held by their own reaction its points couldn't give way, and the scene was refused."""
+    part = cantilever("body.block.support=[]", f"body.block.marker.root={place}").parts["block"]
+    points, R = part.contact_points, part.fe.rigid_modes
+    balance = np.eye(len(R)) - part.fe.M @ R @ np.linalg.solve(R.T @ (part.fe.M @ R), R.T)
+    exact = balance.T @ np.linalg.pinv(part.fe.K.toarray(), 1e-10, hermitian=True) @ balance
+    at = (3 * points.nodes[:, None] + np.arange(3)).ravel()
+    whole = part.model.solver_on_joint(part.contact_faces).flexibility(points.nodes)
+    np.testing.assert_allclose(whole, exact[np.ix_(at, at)], atol=1e-7 * np.abs(exact).max())
+    assert np.linalg.eigvalsh(points.G.reshape(len(at), -1))[0] > 0.0
+
+
 @pytest.mark.parametrize(("start", "told"), [("equilibrium", []), ("undeformed", ["contact-start"])])
 def test_the_balance_has_no_energy_of_a_load_that_shakes_the_face(start: str, told: list[str]) -> None:
     """What the contact's steps make or lose, beside the most that is stored in it; an undeformed start rings."""

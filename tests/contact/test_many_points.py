@@ -1,5 +1,6 @@
 """Faces with more points than are followed at once, against the same faces with all of them."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,10 @@ from fmd import Pipeline, load_scene
 from fmd.contact import assemble
 from fmd.contact.touching_body import TouchingBody
 from fmd.core.arrays import Array
+from fmd.core.cache import Cache
 from fmd.core.errors import StabilityError
 from fmd.core.limits import contact as limits
+from fmd.stages.basis import ConstrainedModel
 from fmd.stages.contacts import find_contact_points
 from tests.contact.test_between_nodes import BODY, STEEL, free
 from tests.contact.test_contact_points import BLOCK, block
@@ -46,7 +49,7 @@ def ball_along_plate(modes: int) -> Pipeline:
 
 def with_few(run: Pipeline, body: str, most: int, monkeypatch: pytest.MonkeyPatch) -> Pipeline:
     """The same scene, of whose points so many are followed at once."""
-    few = Pipeline(run.scene)
+    few = Pipeline(run.scene, run.store.cache)
     for module in (limits, assemble):
         monkeypatch.setattr(module, "MOST_POINTS", most)
     few.parts[body].results["contact"] = find_contact_points(few.parts[body])
@@ -115,3 +118,15 @@ def test_more_points_at_once_than_there_is_room_for_are_refused(monkeypatch: pyt
     few = with_few(block(), "block", 8, monkeypatch)
     with pytest.raises(StabilityError, match="more than 1000 points come near at once"):
         _ = few.motion
+
+
+def test_columns_that_are_stored_take_no_factor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, found, some = block(), list[Array](), np.array([1, 4, 7])
+    for _ in range(2):
+        few = with_few(Pipeline(whole.scene, Cache(tmp_path)), "block", 8, monkeypatch)
+        monkeypatch.setattr(ConstrainedModel, "solver_on_joint", lambda *_: pytest.fail("asked for"))
+        (touching,) = few.system.mechanism.contacts
+        if not found:
+            monkeypatch.undo()
+        found.append(touching.points.between(some))
+    np.testing.assert_array_equal(found[1], found[0])

@@ -129,7 +129,8 @@ def _spring_faults(run: Pipeline, body: TouchingBody) -> Iterator[str]:
     if not ends:
         return
     loaded, all_nodes = {name: part.markers[name] for name in body.felt}, np.arange(len(part.fe.x))
-    yields = np.dstack([*find_yields(part.fe, part.model.solver_on_joint, part.body, all_nodes, loaded).values()])
+    solver = part.model.solver_on_joint(part.contact_faces)
+    yields = np.dstack([*find_yields(part.fe, solver, part.body, all_nodes, loaded).values()])
     felt, p, a = np.empty((len(pressed), yields.shape[2])), run.system.parameters, np.zeros(run.system.n)
     number, own = motion.mechanism.number_of(body.body), list(motion.mechanism.contacts).index(body)
     for row, k in zip(felt, pressed, strict=True):

@@ -1,6 +1,6 @@
 """The basis of a flexible body: its modes, the reduced body on its joint, and geometric stiffening."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -11,7 +11,7 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.modes import RITZ_GENERATIONS
-from fmd.core.limits.rank import NEW_RESIDUAL_VECTOR, NEW_RESPONSE
+from fmd.core.limits.rank import DEPENDENT_CONSTRAINT, NEW_RESIDUAL_VECTOR, NEW_RESPONSE
 from fmd.core.progress import Advance
 from fmd.fem.markers import Marker
 from fmd.fem.model import FEModel
@@ -66,11 +66,20 @@ class ConstrainedModel:
         except MissingSolverError as error:
             raise InputError(self.file, f"{key}.modes.solver", self.solver_name, str(error)) from error
 
-    @cached_property
-    def solver_on_joint(self) -> StaticSolver:
-        """Solver of static responses on a joint that holds all but turns, or moves as it is given."""
-        holds = self.joint.welded or self.joint.prescribed or bool(self.joint.free)
-        return JointHeldSolver(self.fe, self.solver, self.reaction) if holds and self.fixed is None else self.solver
+    def solver_on_joint(self, touching: Sequence[str]) -> StaticSolver:
+        """Return the solver of static responses of a body that touches something with the faces of some markers.
+
+        A joint that holds all but turns, or moves as it is given, holds it in these, unless its reaction would act on
+        the nodes of these faces alone, which it would keep from giving way.
+        """
+        if self.fixed is not None or not (self.joint.welded or self.joint.prescribed or self.joint.free):
+            return self.solver
+        at, reaction = self.markers[self.joint.marker].nodes, self.reaction
+        beside = ~np.isin(at, np.concatenate([self.markers[name].nodes for name in touching]))
+        rows = (reaction[at] / np.linalg.norm(reaction, axis=(0, 1)))[beside].reshape(-1, reaction.shape[2])
+        if np.linalg.matrix_rank(rows, tol=DEPENDENT_CONSTRAINT) < reaction.shape[2]:
+            return self.solver
+        return JointHeldSolver(self.fe, self.solver, reaction)
 
     def fitting(self) -> AbstractContextManager[None]:
         """Return a context that names the mesh where what is computed of it doesn't fit into memory."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.contact.columns import Columns
+from fmd.contact.columns import Columns, Responder
 from fmd.contact.flexibility import contact_points, find_residual_fields
 from fmd.contact.touching_body import ContactPair, ContactPoints, TouchingBody
 from fmd.core.errors import AccuracyError, InputError, as_input_error
@@ -47,7 +47,8 @@ def find_contact_points(part: FlexiblePart) -> ContactPoints:
     faces = {name: part.markers[name] for name in part.contact_faces}
     with as_input_error(part.file, f"body.{part.name}.marker"):
         loaded = {name: part.markers[name] for name in part.loaded_markers}
-        return contact_points(part.fe, part.model.solver_on_joint, part.body, faces, _find_triangles(part), loaded)
+        solver = part.model.solver_on_joint(part.contact_faces)
+        return contact_points(part.fe, solver, part.body, faces, _find_triangles(part), loaded)
 
 
 def _find_triangles(part: FlexiblePart) -> dict[str, IntArray]:
@@ -110,8 +111,12 @@ def _followed_points(run: Pipeline, body: str) -> ContactPoints:
     part, points = run.parts[body], run.parts[body].contact_points
     if not len(points.soft):
         return points
-    respond, cache = part.model.solver_on_joint.responder, run.store.cache
-    return replace(points, columns=Columns(points.nodes, points.left_to_modes, respond, cache, part.key("contact")))
+
+    def responder() -> Responder:
+        return part.model.solver_on_joint(part.contact_faces).responder()
+
+    columns = Columns(points.nodes, points.left_to_modes, responder, run.store.cache, part.key("contact"))
+    return replace(points, columns=columns)
 
 
 def _hold_where_they_lie(
@@ -143,7 +148,8 @@ def find_deformations(run: Pipeline) -> dict[str, dict[str, ContactDeformation]]
                 continue  # rigid
             part, points = run.parts[touching.body], touching.points
             on_nodes = points.on_nodes(forces[touching.body])
-            fields = find_residual_fields(part.fe, part.model.solver_on_joint, part.body, points.nodes, on_nodes)
+            solver = part.model.solver_on_joint(part.contact_faces)
+            fields = find_residual_fields(part.fe, solver, part.body, points.nodes, on_nodes)
             own[touching.body] = ContactDeformation(part, points, fields)
         found[label] = own
     return found
