@@ -344,14 +344,25 @@ def test_what_cannot_be_is_refused(aim: str, limits: list[str], vary: list[str],
         find(BAR, aim, limits, vary)
 
 
-def test_a_start_halfway_between_mirrored_designs_is_told_for_what_it_is() -> None:
-    """Slopes are zero there, so that bounds have nothing to do with it."""
+@pytest.mark.parametrize(
+    ("start", "words"), [(0.5, "start from others, --starts tries some"), (1.0, "x = 1, .*widen the bounds")]
+)
+def test_a_start_halfway_between_mirrored_designs_is_told_for_what_it_is(start: float, words: str) -> None:
+    """Slopes of 2 - (x - 1/2)² are round-off there, so that bounds have nothing to do with it, as at an end."""
+
+    def at(shares: Any) -> Any:
+        x, stress = shares[0], 2.0 - (shares[0] - 0.5) ** 2
+        slopes = np.array([[0.0], [x * (1e-13 - 2.0 * (x - 0.5)) / stress]])
+        return SimpleNamespace(
+            results=[1.0, stress], channels=[SimpleNamespace(unit="Pa")] * 2, values={key: x}, sensitivities=slopes
+        )
+
+    key = type("Key", (), {"key": "x", "unit": ""})()
+    number = SimpleNamespace(low=0.1, high=1.0, to_share=lambda x: x, per_share=lambda x: 1.0)
+    space = cast(Any, SimpleNamespace(at=at, varied=[number]))
     limit = cast(Any, SimpleNamespace(name="stress", sense="<=", bound=1.0, sign=-1.0))
-    channel = SimpleNamespace(unit="Pa")
-    design = cast(Any, SimpleNamespace(results=[1.0, 2.0], channels=[channel, channel], values={}))
-    for flat, words in ((True, "start from others, --starts tries some"), (False, "widen the bounds")):
-        with pytest.raises(NoDesignError, match=words):
-            optimise._require_met(design, (limit,), np.zeros(1), np.array([flat]))
+    with pytest.raises(NoDesignError, match=words):
+        optimise._search(space, (limit,), 1, np.array([start]))
 
 
 def test_a_limit_on_what_there_is_not_is_refused_before_a_motion_is_computed() -> None:

@@ -291,7 +291,7 @@ def _search(space: DesignSpace, limits: tuple[Limit, ...], sign: int, start: Arr
         found = signs * slopes(shares)[1:]
         low, high = bounds_of(space.varied).T
         gains = np.abs(found) * np.where(found > 0.0, high - shares, shares - low)
-        _require_met(space.at(shares), limits, gains.sum(axis=1), np.asarray(~found.any(axis=1)))
+        _require_met(space.at(shares), limits, gains.sum(axis=1), np.abs(found) @ (high - low) <= MET)
         return found
 
     found = minimize(
@@ -311,7 +311,7 @@ def _search(space: DesignSpace, limits: tuple[Limit, ...], sign: int, start: Arr
 def _require_met(design: Design, limits: tuple[Limit, ...], gains: Array, flat: BoolArray) -> None:
     """Raise `NoDesignError` if a limit isn't met, and what margins may gain up to the bounds is next to nothing.
 
-    Where slopes are zero, ``flat``, as they are halfway between two mirrored designs, the bounds are not to blame.
+    Where slopes are next to nothing, ``flat``, as halfway between two mirrored designs, the bounds are not to blame.
     """
     known = zip(limits, margins(design, limits), gains, flat, design.results[1:], design.channels[1:], strict=True)
     for limit, margin, gain, is_flat, value, channel in known:
