@@ -122,7 +122,7 @@ def test_a_motion_whose_march_by_another_mesh_fails_has_no_stated_error(
         monkeypatch.setattr(estimates, name, fail if name == source else lambda *_: {})
     estimates.pair, estimates._across = estimates._coarse_pair(), estimates._pair_across()
     estimates._discretisation({})
-    assert estimates._shifts_and_shapes() == dict.fromkeys(estimates.of_motion, "not estimated: its steps are too long")
+    assert estimates._no_shapes == dict.fromkeys(estimates.of_motion, "not estimated: its steps are too long")
 
 
 @pytest.mark.parametrize(

@@ -156,9 +156,10 @@ def _matching_run(run: Pipeline, scene: Scene) -> Pipeline:
         other = base.parts[name]
         matched = match_modes(own, other)
         parts[name] = FlexiblePart(base.divided_scene, name, base.store, other, matched, other.piece)
-    return Pipeline(
-        more, base.store.cache, division=base.division.with_parts(parts), stiffening_loads=run.stiffening_loads
-    )
+    division, loads = base.division.with_parts(parts), run.stiffening_loads
+    matching = Pipeline(more, base.store.cache, division=division, stiffening_loads=loads)
+    matching.whole_energy = run.whole_energy
+    return matching
 
 
 def _pair(run: Pipeline, scene: Scene) -> Pair:

@@ -73,7 +73,8 @@ class Estimates(Comparison):
             self.model.estimate_left_out()
         self.left_out += self.model.left_out
         self._within_limit("discretisation, more shifts of frequencies", self._march_shifts)
-        found["discretisation"] |= self._shifts_and_shapes()
+        both = {name: math.hypot(shift, self._shapes.get(name, 0.0)) for name, shift in self._shifts.items()}
+        found["discretisation"] |= both | self._no_shapes
         self._add_damped(found)
         return found | {"model": self.model.of_quantities}
 
@@ -309,10 +310,6 @@ class Estimates(Comparison):
     @property
     def _places(self) -> dict[str, Array]:
         return {name: part.element_places for name, part in self.run.parts.items() if part.elements}
-
-    def _shifts_and_shapes(self) -> dict[str, float | str]:
-        both = {name: math.hypot(shift, self._shapes.get(name, 0.0)) for name, shift in self._shifts.items()}
-        return both | self._no_shapes
 
     def _recovery(self) -> dict[str, float | str]:
         """Estimate the error of stress recovery by a patch of elements at the worst node.
