@@ -20,12 +20,16 @@ def largest_stress_below(places: Array, cell: tuple[float, float], forces: Array
     corners = 0.25 * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)]) * cell
     sources = (places[:, None] + corners).reshape(-1, 2)
     shares = np.repeat(0.25 * forces, len(corners), axis=0)
-    deepest = DEEPEST * (np.ptp(places, axis=0).min() + min(cell))
-    depths = deepest * np.arange(1, DEPTHS_BELOW + 1) / DEPTHS_BELOW
+    high = DEEPEST * (np.ptp(places, axis=0).min() + min(cell))
+    low = high / DEPTHS_BELOW
     above = places[np.argsort(-forces[:, 0])[:COLUMNS_BELOW]]
-    tensors = np.stack([point_force_stress(above, sources, shares, z, nu) for z in depths])
-    values = von_mises(tensors.reshape(-1, 6)).reshape(len(depths), -1).max(axis=1)
-    return float(values.max()), float(depths[values.argmax()])
+    for _ in range(2):  # at depths below the whole contact, and between the neighbours of the one that is found
+        depths = np.linspace(low, high, DEPTHS_BELOW)
+        tensors = np.stack([point_force_stress(above, sources, shares, z, nu) for z in depths])
+        values = von_mises(tensors.reshape(-1, 6)).reshape(len(depths), -1).max(axis=1)
+        most = int(values.argmax())
+        low, high = depths[max(most - 1, 0)], depths[min(most + 1, DEPTHS_BELOW - 1)]
+    return float(values[most]), float(depths[most])
 
 
 def point_force_stress(places: Array, sources: Array, forces: Array, z: float, nu: float) -> Array:

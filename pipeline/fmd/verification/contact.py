@@ -60,7 +60,7 @@ def _ball(cache: Cache | None) -> list[Figure]:
         Figure("impulse [N s]", floor["impulse_n_s"][2], 2.0 * mass * SPEED, 0.01),
         Figure("largest area [m²]", floor["largest_area_m2"], float(np.pi * half**2), 0.05),
         Figure("largest von Mises stress below [Pa]", floor["largest_stress_below_pa"], 0.62 * float(pressure), 0.02),
-        Figure("its depth [m]", floor["its_depth_m"], 0.48 * float(half), 0.06),
+        Figure("its depth [m]", floor["its_depth_m"], 0.48 * float(half), 0.02),
     ]
 
 
