@@ -13,10 +13,12 @@ from fmd.core.arrays import Array
 from fmd.core.cache import Cache
 from fmd.core.errors import StabilityError
 from fmd.core.limits import contact as limits
+from fmd.integrators.protocol import evaluate
 from fmd.stages.basis import ConstrainedModel
 from fmd.stages.contacts import find_contact_points
-from tests.contact.test_between_nodes import BODY, STEEL, free
+from tests.contact.test_between_nodes import BODY, STEEL, ball_onto_plate, free
 from tests.contact.test_contact_points import BLOCK, block
+from tests.contact.test_friction_newton import remember
 from tests.contact.test_pairs import rod_on_block
 
 FRICTION = 0.3
@@ -130,3 +132,22 @@ def test_columns_that_are_stored_take_no_factor(tmp_path: Path, monkeypatch: pyt
             monkeypatch.undo()
         found.append(touching.points.between(some))
     np.testing.assert_array_equal(found[1], found[0])
+
+
+def test_points_far_from_a_rigid_surface_are_not_placed_and_have_no_force() -> None:
+    """Random steps of a ball, some of them long, against the forces of a system that places all: it takes no steps."""
+    run, rng = ball_onto_plate(8, 0.5, duration=2e-5), np.random.default_rng(6)
+    q, p, other, pressed, placed = run.motion.trajectory.q[0], run.system.parameters, run.system.parameters, 0, 0
+    for k in range(120):
+        q = q + np.eye(len(q))[:3].T @ rng.uniform(-1.0, 1.0, 3) * (1e-4 if k % 30 == 0 else 1e-6)
+        q[1] = np.clip(q[1], 0.504984, 0.504994)
+        for own in (p, other):
+            evaluate(own, float(k), q, np.zeros(run.system.n), np.zeros(run.system.n))
+        found, expected = p.contact.force, other.contact.force
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+        pressed += int(expected.any())
+        placed += p.contact.seen[:, 0].sum()
+        assert other.contact.seen[:, 0].all()
+        remember(p, float(k), q, np.zeros(run.system.n))
+    assert 20 < pressed < 110
+    assert placed < 0.5 * 120 * len(p.contact.node)

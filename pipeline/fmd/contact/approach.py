@@ -62,6 +62,8 @@ def _least_gap(c: ContactTable, s: int, q: Array, origins: Array, rotations: Arr
         for i in range(c.point[s], c.point[s + 1]):
             if c.seen[i, 0] == 1:
                 least = min(least, c.free[i, 0])
+            elif c.listed[i] > -math.inf:
+                least = min(least, c.listed[i] - c.height[s, 0])
         return float(least)
     for i in range(c.point[s], c.point[s + 1]):
         if c.n_near[i] > 0:

@@ -20,7 +20,7 @@ def keep_near_triangles(c: ContactTable, s: int, q: Array, origins: Array, rotat
     """
     if c.room[s] >= 0.0 and moved_since_listed(c, s, q, origins, rotations) <= MOVED_PART * c.room[s]:
         return True
-    _note_places(c, s, q, origins, rotations)
+    note_places(c, s, q, origins, rotations)
     radius = c.radius[s]
     while radius > SMALLEST_RADIUS * c.radius[s]:
         least = _list_triangles(c, s, radius)
@@ -70,7 +70,7 @@ def moved_since_listed(c: ContactTable, s: int, q: Array, origins: Array, rotati
 
 
 @inner
-def _note_places(c: ContactTable, s: int, q: Array, origins: Array, rotations: Array) -> None:
+def note_places(c: ContactTable, s: int, q: Array, origins: Array, rotations: Array) -> None:
     """Note where both bodies are, and place the points and the balls around all triangles."""
     for k in range(8):
         for a in range(3):

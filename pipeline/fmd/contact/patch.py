@@ -49,7 +49,7 @@ def touch(c: ContactTable, t: float, q: Array, origins: Array, rotations: Array)
             push_bodies(c, g, q, origins, rotations)
             continue
         touches = _measure_gaps(c, g, origins) < 0.0
-        if touches and not _find_forces(c, g):
+        if touches and not _find_forces(c, g, q, origins, rotations):
             c.clock[1] = max(c.clock[1], 1.0)
         if damped:
             relax_points(c, g)
@@ -73,10 +73,11 @@ def _measure_gaps(c: ContactTable, g: int, origins: Array) -> float:
 
 
 @inner
-def _find_forces(c: ContactTable, g: int) -> bool:
+def _find_forces(c: ContactTable, g: int, q: Array, origins: Array, rotations: Array) -> bool:
     """Find the forces on a group's points from those of the last step; false if they don't settle.
 
-    Points that are left out are open for certain: no displacement is larger than ``√(D_ii λᵀ D λ)``.
+    Points that are left out are open for certain: no displacement is larger than ``√(D_ii λᵀ D λ)``. Of surfaces with
+    points that aren't placed and may be reached so, all are.
     """
     first, rubs = c.group[g], False
     for i in range(first, c.group[g + 1]):
@@ -93,6 +94,10 @@ def _find_forces(c: ContactTable, g: int) -> bool:
         for i in range(first, c.group[g + 1]):
             own = math.sqrt(max(0.0, twice * c.supple[i]))
             band = max(band, own)
+            s = c.surface[i]
+            if c.seen[i, 0] == 0 and -math.inf < c.listed[i] < c.height[s, 0] + own:
+                c.pace[s] = math.inf
+                place_surface(c, s, q, origins, rotations)
             missed = missed or (c.seen[i, 0] == 1 and c.slot[i] < 0 and c.free[i, 0] < own)
         c.band[g] = band
         if not missed:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 
 from fmd.contact.edges import stand_on_edge
-from fmd.contact.near_triangles import keep_near_triangles
+from fmd.contact.near_triangles import keep_near_triangles, moved_since_listed, note_places
 from fmd.contact.nodes import farthest_deflected, place_node
 from fmd.contact.round_points import follow_material
 from fmd.contact.standing import stand_on_plane, stand_on_primitive
 from fmd.contact.tables import ContactTable
 from fmd.contact.triangles import stand_on_triangles
 from fmd.core.arrays import Array
-from fmd.core.limits.contact import STEPS_ABOVE
+from fmd.core.limits.contact import STEPS_ABOVE, WIDER_BAND
 from fmd.kernels.kernel import inner
 
 
@@ -35,11 +35,7 @@ def place_surface(c: ContactTable, s: int, q: Array, origins: Array, rotations: 
             _find_slip(c, i)
         return
     if c.primitive[s, 0] > 0.0:
-        for i in range(c.point[s], c.point[s + 1]):
-            place_node(c, c.node[i], c.slave[s], q, origins, rotations)
-            if stand_on_primitive(c, s, i, origins, rotations):
-                _turn(c, s, i, rotations)
-                _find_slip(c, i)
+        _place_before_rigid(c, s, q, origins, rotations)
         return
     if not keep_near_triangles(c, s, q, origins, rotations):
         c.clock[1] = 1.0
@@ -53,6 +49,36 @@ def place_surface(c: ContactTable, s: int, q: Array, origins: Array, rotations: 
             for e in range(3):
                 place_node(c, c.corner[c.near[i, k], e], c.master[s], q, origins, rotations)
         if stand_on_triangles(c, s, i, rotations[link], rotations[master]):
+            _turn(c, s, i, rotations)
+            _find_slip(c, i)
+
+
+@inner
+def _place_before_rigid(c: ContactTable, s: int, q: Array, origins: Array, rotations: Array) -> None:
+    """Find where points stand before a rigid surface that may come near it within some steps.
+
+    No gap is less by more than bodies have moved since gaps were listed. They are again when as many have been found.
+    """
+    anew = c.room[s] < 0.0 or (c.room[s] >= c.point[s + 1] - c.point[s] and c.pace[s] < math.inf)
+    if anew:
+        c.pace[s] = c.pace[s] if c.room[s] >= 0.0 else math.inf
+        note_places(c, s, q, origins, rotations)
+        c.room[s], c.height[s, 1] = 0.0, math.nan
+    c.height[s, 0] = moved_since_listed(c, s, q, origins, rotations)
+    near = c.height[s, 0] + STEPS_ABOVE * c.pace[s]
+    for g in range(c.noise.size):
+        if c.group[g] <= c.point[s] < c.group[g + 1]:
+            near += math.inf if c.damping[g] > 0.0 else WIDER_BAND * c.band[g]
+    for i in range(c.point[s], c.point[s + 1]):
+        if not anew and c.slot[i] < 0 and c.listed[i] > near:
+            continue
+        place_node(c, c.node[i], c.slave[s], q, origins, rotations)
+        stands = stand_on_primitive(c, s, i, origins, rotations)
+        if anew:
+            c.listed[i] = c.free[i, 0] if stands else -math.inf
+        else:
+            c.room[s] += 1.0
+        if stands:
             _turn(c, s, i, rotations)
             _find_slip(c, i)
 

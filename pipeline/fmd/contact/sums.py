@@ -177,6 +177,9 @@ def remember(c: ContactTable, t: float, origins: Array, rotations: Array) -> Non
         s[ENERGY] = v[ENERGY]
         s[ERROR] = 0.0 if begins else s[ERROR] + v[ENERGY]
     for number in range(c.slave.size):
+        way = abs(c.height[number, 0] - c.height[number, 1])
+        if way < math.inf:
+            c.pace[number] = max(way, 0.5 * c.pace[number] if c.pace[number] < math.inf else 0.0)
         c.height[number, 1] = c.height[number, 0]
     for g in range(c.noise.size):
         if c.rounded[c.surface[c.group[g]]] == 1:

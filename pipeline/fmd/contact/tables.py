@@ -66,10 +66,15 @@ class ContactTable(Table):
     plane: Array  # (n_surfaces, 3, 3): normal and tangents of the ground's plane in space, a row each
     position: Array  # (n_surfaces, 3): a point of it
     reach: Array  # (n_surfaces, 2): no modal coordinates of length 1 displace points, or triangles, farther
-    height: Array  # (n_surfaces, 2): all points are above a plane by this, now and at the last step [m]
+    # (n_surfaces, 2): all points are above a plane by this, or have moved before a rigid surface by this at most since
+    # gaps were listed, now and at the last step [m]
+    height: Array
+    pace: Array  # (n_surfaces,): how much that changes in a step [m]
     box: Array  # (n_surfaces, 8, 3): corners of a box around its points
     radius: Array  # (n_surfaces,): distance up to which triangles are kept [m]
-    room: Array  # (n_surfaces,): what surfaces may move before these are to be found again; negative at first [m]
+    # (n_surfaces,): what surfaces may move before these are to be found again [m], or how many points before a rigid
+    # surface have been placed since gaps were listed; negative at first
+    room: Array
     corners: Array  # (n_surfaces, 8, 3): the box in the master's frame when they were found
     ahead: Array  # (n_surfaces, 8, 3): the same, or before a plane in space, some time ahead
     modal_then: Array  # (n_surfaces, 2, most modes): modal coordinates of both bodies then
@@ -96,6 +101,7 @@ class ContactTable(Table):
     Q: Array  # (n, 3, 3): turns vectors in the other body's frame into own axes
     seen: IntArray  # (n, 2): 1 if there is something below it, now and at the last step
     spot: Array  # (n, 3): place without forces relative to what it may touch, in the other's undeformed frame [m]
+    listed: Array  # (n,): gap before a rigid surface when all were listed [m]; -inf without
     free: Array  # (n, 3): gap without forces, and slip since the last step
     force: Array  # (n, 3)
     own: Array  # (n, 3): forces in own axes

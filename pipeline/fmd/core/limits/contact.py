@@ -36,7 +36,7 @@ CHOSEN_STEP = 0.25  # of the same, where the step is left to the program
 HALVED_STEPS = 4  # times that a step left to the program is halved where contact makes or loses energy
 
 CYCLES_ABOVE = 4.0  # of sub-cycling: with gaps that frames don't close in as many, nothing touches in the next one
-STEPS_ABOVE = 4.0  # steps for which a body's points stay above a plane, from which on they aren't placed
+STEPS_ABOVE = 4.0  # steps for which points stay above a plane or a rigid surface, from which on they aren't placed
 
 LINEAR_TIMES = 8  # times at which all but contact has to be linear where steps keep its energy
 EXACT_ROUNDS = 60  # of Newton's method for the forces over a step that keep the energy
