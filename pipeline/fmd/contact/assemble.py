@@ -294,7 +294,7 @@ def _friction_rooms(width: IntArray, rubs: bool) -> dict[str, Any]:
         "M": np.zeros(3 * points * (most + DOUBLES_IN_LINE)),
         **{name: np.zeros(len(counts), dtype=np.int64) for name in ("inverted", "swept", "n_known")},
         **{name: np.zeros(points, dtype=np.int64) for name in ("grip", "grip_then", "place_in")},
-        **{name: np.zeros((points, 3)) for name in ("trial", "slack", "step", "settled", "origin", "target")},
+        **{name: np.zeros((points, 3)) for name in ("trial", "slack", "step", "settled")},
         **{name: np.zeros(most) for name in ("left", "held", "response", "right")},
         "pivots": np.zeros(most, dtype=np.int64),
         "lapack": lapack_addresses() if rubs else np.zeros(len(ROUTINES), dtype=np.int64),

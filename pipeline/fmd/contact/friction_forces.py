@@ -12,7 +12,7 @@ from fmd.contact.compliances import move_points
 from fmd.contact.dense import invert_flexibility
 from fmd.contact.friction_newton import find_forces_by_newton
 from fmd.contact.tables import ContactTable
-from fmd.core.limits.contact import FOLLOWED_PARTS, LATE_SWEEPS, SMALL_FORCE, SWEEPS, SWEEPS_PER_POINT
+from fmd.core.limits.contact import LATE_SWEEPS, SMALL_FORCE, SWEEPS, SWEEPS_PER_POINT
 from fmd.kernels.kernel import inlined, inner
 
 
@@ -25,8 +25,6 @@ def find_friction_forces(c: ContactTable, g: int) -> bool:
     count, least = c.n_chosen[g], math.inf
     for own in range(count):
         least = min(least, _own_compliance(c, g, c.chosen[c.group[g] + own], own, 0, 0))
-        for a in range(3):
-            c.target[own, a] = c.free[c.chosen[c.group[g] + own], a]
     if _settles(c, g, least):
         return True
     for own in range(count):
@@ -56,38 +54,6 @@ def _settles(c: ContactTable, g: int, least: float) -> bool:
             if find_forces_by_newton(c, g, least):
                 return True
             _go_back(c, g)
-            if _follow_places(c, g, least):
-                return True
-    return False
-
-
-@inner
-def _follow_places(c: ContactTable, g: int, least: float) -> bool:
-    """Find forces by Newton's method on the way from where those that have settled would hold all points.
-
-    Returns false, with the forces at hand, if that has no end.
-    """
-    first, count, done, part = c.group[g], c.n_chosen[g], 0.0, 0.5
-    for own in range(count):
-        for a in range(3):
-            c.origin[own, a] = c.free[c.chosen[first + own], a] - _place(c, c.chosen[first + own], own, a)
-    for _ in range(FOLLOWED_PARTS):
-        end = min(1.0, done + part)
-        for own in range(count):
-            for a in range(3):
-                to = c.target[own, a]
-                c.free[c.chosen[first + own], a] = to if end == 1.0 else (1.0 - end) * c.origin[own, a] + end * to
-        if find_forces_by_newton(c, g, least):
-            if end == 1.0:
-                return True
-            _settle(c, g)
-            done, part = end, 2.0 * part
-        else:
-            _go_back(c, g)
-            part *= 0.5
-    for own in range(count):
-        for a in range(3):
-            c.free[c.chosen[first + own], a] = c.target[own, a]
     return False
 
 

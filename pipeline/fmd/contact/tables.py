@@ -168,8 +168,6 @@ class ContactTable(Table):
     trial: Array  # (most points, 3): force that its state follows from
     slack: Array  # (most points, 3): gap and slip with displacements by forces
     settled: Array  # (most points, 3): the last forces that Newton's method has found, or began with
-    origin: Array  # (most points, 3): gaps and slips at which these would let no point move
-    target: Array  # (most points, 3): those of the step
     left: Array  # (most rows of D,): gaps and slips without these, in own axes
     held: Array  # (as many): forces if no point moved
     response: Array  # (as many): rows of P, summed up

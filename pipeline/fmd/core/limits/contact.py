@@ -24,7 +24,6 @@ LATE_SWEEPS = 200  # in a step, after which Newton's method is tried whatever it
 SLOW_ROUND = 0.3  # of a round's change: a round with factors of an earlier one that leaves more has them made anew
 NEWTON_ROUNDS = 20  # of that method; it takes 1 to 10
 TRIED_RATE = 4.0  # times a point's flexibility with all others held: by more, states of tall columns go in circles
-FOLLOWED_PARTS = 40  # of the way to a step's end, on which that method is tried where it doesn't settle at once
 KNOWN_RESPONSES = 48  # of held points that are kept: a plane's need 13 and one for each mode
 ROUNDED_PLACE = 1e-14  # of what a place is the sum of
 SAME_STEP = 1e-6  # of the damping's time after a step: the step's own forces are meant
