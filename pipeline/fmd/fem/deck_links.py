@@ -172,7 +172,6 @@ class _Finder:
         return np.asarray(areas[own.points[1:]])
 
     def _hung(self, mass: MassOnPoint) -> LumpedMass:
-        """Return a mass on its link."""
         point = int(mass.points[0])
         for each in self._deck.mean:
             if each.points[0] == point and not each.turning and (mass.offset.any() or mass.inertia.any()):

@@ -60,7 +60,7 @@ class FEModel:
         """Return ``K V`` of fields V (3 n_nodes, n), by strain where K's round-off counts and all of K is of strain."""
         found = np.asarray(self.K @ V)
         if self.strained:
-            rounded = np.finfo(float).eps * np.einsum("i,ij,ij->j", self.K.diagonal(), V, V)
+            rounded = np.finfo(float).eps * np.einsum("i,ij,ij->j", self.diagonal, V, V)
             lost = ~(rounded < ROUNDED_ENERGY * np.einsum("ij,ij->j", V, found))
             if lost.any():
                 assert isinstance(self.discretisation, Discretisation)
@@ -86,6 +86,11 @@ class FEModel:
     def mass(self) -> float:
         """Total mass [kg]."""
         return float(self.m.sum())
+
+    @cached_property
+    def diagonal(self) -> Array:
+        """Diagonal of K, shape (3 n_nodes,) [N/m]."""
+        return np.asarray(self.K.diagonal())
 
     @cached_property
     def rigid_modes(self) -> Array:

@@ -148,14 +148,22 @@ def elastic_forces(space: Discretisation, material: AnyMaterial, shapes: Array) 
     strains_each = 6 * space.kind.quadrature(space.kind.stiffness_order)[1].size
     for own, elements in batches(material, n_elements, 1 + CACHED_NUMBERS // (strains_each * (n + 3 * n_local))):
         nodes = space.element_nodes[elements]
-        root = _energy_root(space, own, elements)
-        compatible, internal = np.split(root, [3 * n_local], axis=2)
-        if internal.shape[2]:
-            across = internal.swapaxes(1, 2)
-            compatible = compatible - internal @ np.linalg.solve(across @ internal, across @ compatible)
         apart = u[nodes]
         apart -= apart[:, :1]  # translations cancel to the last bit
-        f = compatible.swapaxes(1, 2) @ (compatible @ apart.reshape(len(nodes), -1, n))
+        apart = apart.reshape(len(nodes), -1, n)
+        if space.is_enhanced:
+            root = _energy_root(space, own, elements)
+            compatible, internal = np.split(root, [3 * n_local], axis=2)
+            across = internal.swapaxes(1, 2)
+            compatible = compatible - internal @ np.linalg.solve(across @ internal, across @ compatible)
+            f = compatible.swapaxes(1, 2) @ (compatible @ apart)
+        else:
+            X, w = space.kind.quadrature(space.kind.stiffness_order)
+            B, det = _strain_matrix(space, own, X, elements)
+            B = B.reshape(len(nodes), -1, 3 * n_local)
+            stress = own.stress(space, X, elements, (B @ apart).reshape(len(nodes), 6, -1, n).swapaxes(1, 2))
+            stress *= (det * w)[:, :, None, None]
+            f = B.swapaxes(1, 2) @ stress.swapaxes(1, 2).reshape(len(nodes), -1, n)
         order = nodes.argsort(axis=None)
         own_nodes, first = np.unique(nodes.ravel()[order], return_index=True)
         entries = np.ones(order.size), order, np.append(first, order.size)

@@ -95,7 +95,6 @@ def _keyword(line: str) -> tuple[str, dict[str, str]]:
 
 
 def _take(deck: Deck, keyword: str, options: dict[str, str], data: list[list[str]]) -> None:
-    """Add a section."""
     if "INPUT" in options and keyword in _IN_FILES:
         raise MeshFileError(f"*{keyword} with INPUT isn't followed; put the lines of {options['INPUT']} below it")
     match keyword:
@@ -204,7 +203,6 @@ def _take_elements(deck: Deck, options: dict[str, str], data: list[list[str]]) -
 
 
 def _take_set(deck: Deck, keyword: str, options: dict[str, str], data: list[list[str]]) -> None:
-    """Add members to a set of nodes or elements."""
     sets = deck.node_sets if keyword == "NSET" else deck.element_sets
     name = deck.named(options.get(keyword, ""))
     if "GENERATE" in options:

@@ -213,13 +213,11 @@ class _Reader:
 
 
 def _whole(line: str, width: int) -> list[int]:
-    """Return the whole numbers of fields of a width."""
     line = line.rstrip()
     return [int(line[k : k + width]) for k in range(0, len(line), width)]
 
 
 def _reals(line: str, width: int) -> list[float]:
-    """Return the real numbers of fields of a width."""
     line = line.rstrip()
     return [read_field(line[k : k + width].strip()) for k in range(0, len(line), width)]
 
@@ -297,7 +295,6 @@ def _cell(element: Element) -> tuple[str, list[int]] | None:
 
 
 def _add_sections(raw: RawMesh, deck: _Deck, blocks: Sequence[Sequence[tuple[Element, list[int]]]]) -> None:
-    """Add the sections of shells and beams."""
     faults, beams = dict[str, None](), DeckBeams()
     for b, ((kind, cells), own) in enumerate(zip(raw.blocks, blocks, strict=True)):
         n, m = cells.shape

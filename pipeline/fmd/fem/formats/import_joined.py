@@ -261,12 +261,10 @@ def _on(rows: IntArray, face: IntArray) -> IntArray:
 
 
 def _sewn(seams: Sequence[Seam]) -> IntArray:
-    """Return the nodes that seams move."""
     return np.concatenate([np.zeros(0, dtype=np.int64), *(each.nodes for each in seams)])
 
 
 def _by_kind(meshes: Sequence[SolidMesh], rows: Sequence[IntArray]) -> tuple[IntArray | None, IntArray | None]:
-    """Return the rows of shells' and of beams' nodes."""
     shells = beams = None
     for mesh, own in zip(meshes, rows, strict=True):
         if mesh.midsurface is not None and mesh.midsurface.has_sections:

@@ -99,7 +99,6 @@ def read_rows(path: Path) -> sp.csr_array:
 
 
 def _read_npz(path: Path) -> sp.csr_array:
-    """Read a matrix that SciPy has saved."""
     with zipfile.ZipFile(path) as archive:
         if sum(item.file_size for item in archive.infolist()) > MOST_MATRIX_BYTES:
             raise ValueError(f"unpacked it is over {MOST_MATRIX_BYTES / 1e9:g} GB")

@@ -171,13 +171,11 @@ def _tag_names(
 
 
 def _add(sets: dict[str, list[IntArray]], name: str, chosen: list[IntArray]) -> None:
-    """Add cells to a named set."""
     before = sets.get(name)
     sets[name] = chosen if before is None else [np.union1d(a, b) for a, b in zip(before, chosen, strict=True)]
 
 
 def _dimension(kind: str) -> int:
-    """Return the dimension of a cell type: 3, 2 or 1."""
     if is_solid(kind):
         return 3
     return 2 if kind.startswith(("triangle", "quad")) else 1

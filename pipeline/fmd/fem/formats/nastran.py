@@ -214,7 +214,6 @@ def _take_point(fields: list[str], points: dict[int, GridPoint]) -> bool:
 
 
 def _cell(name: str, fields: list[str]) -> tuple[str, list[int]]:
-    """Return the cell type and the grid points of an element."""
     if name in _LINES:
         return "line", [int(field) for field in fields[2:4]]
     kinds = _SOLIDS.get(name) or _PLANES[name]

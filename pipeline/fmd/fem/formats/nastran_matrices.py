@@ -140,7 +140,6 @@ def add_entries(entries: Entries, column: int, row: int, values: Array) -> None:
 
 
 def _read_text(text: str) -> dict[str, sp.csr_array]:
-    """Read matrices from text."""
     lines, found = iter(text.splitlines()), dict[str, sp.csr_array]()
     for head in lines:
         if not head.strip():
@@ -163,7 +162,6 @@ def _read_text(text: str) -> dict[str, sp.csr_array]:
 
 
 def _text_matrix(lines: Iterator[str], size: tuple[int, int], words: int, width: int) -> Entries:
-    """Read the columns of one matrix."""
     n_columns, n_rows = size
     entries: Entries = ([], [], [])
     while True:

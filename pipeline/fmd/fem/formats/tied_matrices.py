@@ -110,7 +110,6 @@ def _moves(node: int) -> IntArray:
 
 
 def _turns(model: SixUnknownsModel, node: int) -> IntArray:
-    """Return the unknowns of a node's rotation."""
     return 3 * len(model.labels) + 3 * _link(model, node) + np.arange(3)
 
 
