@@ -133,7 +133,7 @@ class Estimates(Comparison):
         # Two tolerances may take the same steps as far as a slow body is concerned, whose error then doesn't change.
         least = limits.OF_TOLERANCE * getattr(self.plan.integrator, "tolerance", 0.0)
         coarser = plan.integrator.step > self.plan.integrator.step
-        self.correct_by(theirs, -1 / gain if coarser else 1 / gain)
+        self.correct_by(theirs, 1 / (1 - 2.0 ** plan.integrator.order(plan.system)) if coarser else 1 / gain)
         changes = self.changes(theirs).items()
         return {name: max(error / gain, least) if error else 0.0 for name, error in changes}
 
