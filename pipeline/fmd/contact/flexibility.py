@@ -115,11 +115,7 @@ def contact_points(
 
 
 def find_yields(
-    fe: FEModel,
-    solver: StaticSolver,
-    body: FlexibleBody,
-    nodes: IntArray,
-    markers: Mapping[str, Marker],
+    fe: FEModel, solver: StaticSolver, body: FlexibleBody, nodes: IntArray, markers: Mapping[str, Marker]
 ) -> dict[str, Array]:
     """Return displacements of nodes beside the modes by unit forces and moments on markers, (n, 3, 6) each."""
     V, found = _elastic_shapes(fe, solver, body) if markers else np.zeros(0), {}

@@ -57,21 +57,14 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
     found = list[dict[str, str]]()
     if not run.scene.contact:
         return found
-    from fmd.output.contact_faults import (
-        facing_faults,
-        instant_faults,
-        material_faults,
-        spread_faults,
-        start_faults,
-        unfelt_faults,
-    )
+    from fmd.output import contact_faults as faults
 
-    found += [{"code": "contact-material", "text": text} for text in material_faults(run)]
-    found += [{"code": "contact-facing", "text": text} for text in facing_faults(run.motion)]
-    found += [{"code": code, "text": text} for code, text in unfelt_faults(run)]
-    found += [{"code": "contact-start", "text": text} for text in start_faults(run)]
-    found += [{"code": "contact-instant", "text": text} for text in instant_faults(run)]
-    found += [{"code": "contact-spread", "text": text} for text in spread_faults(run)]
+    found += [{"code": "contact-material", "text": text} for text in faults.material_faults(run)]
+    found += [{"code": "contact-facing", "text": text} for text in faults.facing_faults(run.motion)]
+    found += [{"code": code, "text": text} for code, text in faults.unfelt_faults(run)]
+    found += [{"code": "contact-start", "text": text} for text in faults.start_faults(run)]
+    found += [{"code": "contact-instant", "text": text} for text in faults.instant_faults(run)]
+    found += [{"code": "contact-spread", "text": text} for text in faults.spread_faults(run)]
     for motion in run.motions.values():
         for name, own in motion.contacts.items():
             part = own.lost_part(motion.energies[0])
