@@ -15,6 +15,7 @@ from fmd.integrators.automatic import Automatic
 from fmd.integrators.protocol import Progress, Trajectory
 from fmd.output.summary import summarise_solved
 from fmd.scene.scene import load_scene
+from fmd.stability import operating_points
 from fmd.stages import like_mechanisms, variants
 from fmd.stages.mechanism import build_mechanism
 from fmd.stages.plan import Plan
@@ -132,6 +133,24 @@ def test_the_first_points_of_a_process_take_the_body_and_the_mechanism_of_its_ve
     records = dict(compute_points({point_key(point): point for point in points}, Wanted(results=("tip",))))
     assert {record.status for record in records.values()} == {"ok"}
     assert len(built) <= 2  # with its body as it is and stiffened
+
+
+def test_points_by_reversible_sub_cycling_find_their_operating_points_together_and_move_as_by_themselves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found, find = list[int](), operating_points.find_operating_points
+    monkeypatch.setattr(work, "_last", [])
+    monkeypatch.setattr(operating_points, "find_operating_points", lambda *of: (found.append(1), find(*of))[1])
+    fixed = [*_ARM, 'simulation.run=[{integrator="reversible-sub-cycling", substeps=5}]']
+    points = [load_scene("arm", [*fixed, f"joint.elbow.damper={value} N m s"]) for value in (0.1, 0.2, 0.4)]
+    wanted = Wanted(results=("tip",))
+    together = dict(compute_points({point_key(point): point for point in points}, wanted))
+    assert len(found) == 1  # the first of a process, whose mechanism others take, is computed before them
+    for point in points:
+        ((key, alone),) = compute_points({point_key(point): point}, wanted)
+        assert alone.status == "ok"
+        assert alone.summary == together[key].summary
+    assert len(found) == 1 + len(points)
 
 
 def test_a_point_that_is_refused_changes_none_that_is_computed_with_it() -> None:

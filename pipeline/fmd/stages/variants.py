@@ -37,10 +37,8 @@ def share_growth(runs: Sequence[Pipeline]) -> None:
             except (IndexError, InputError, AccuracyError):
                 continue
             method: Any = plan.integrator
-            if not _starts_alike(method, plan.system):
-                continue
-            limit = method.largest_step(plan.system)
-            if method.step < limit and (np.isfinite(limit) or method.may_grow(plan.system)):
+            fixed = isinstance(method, FixedStepIntegrator) and differ_in_numbers(plan.system)
+            if fixed and method.step < method.largest_step(plan.system) < np.inf:
                 key = (structure_of(plan.system), method, run.scene.simulation.duration)
                 alike.setdefault(key, []).append(run)
         for some in alike.values():
@@ -54,7 +52,7 @@ def _starts_alike(method: Any, system: CompiledSystem) -> bool:
 
 
 def _share_growth_by_run(runs: Sequence[Pipeline], number: int) -> None:
-    """Find the growth by the run of a number of scenes that have its structure, method and duration in common."""
+    """Find operating points of scenes of one structure, and the growth by their run of a number if it starts alike."""
     plans = [run.drafts[number] for run in runs]
     pairs = [*zip(runs, plans, strict=True)]
     known = [points for run, plan in pairs for points in known_points(run) if points.system is plan.system]
@@ -66,7 +64,8 @@ def _share_growth_by_run(runs: Sequence[Pipeline], number: int) -> None:
             return
         for run, points in zip(runs, known, strict=True):
             known_points(run).append(points)
-    find_growth_together(known, plans[0].integrator)
+    if _starts_alike(plans[0].integrator, plans[0].system):
+        find_growth_together(known, plans[0].integrator)
 
 
 def share_marches(runs: Sequence[Pipeline]) -> None:
