@@ -91,6 +91,17 @@ def test_few_points_of_a_curved_mesh_are_warned_of(ball: Pipeline) -> None:
     assert "points of a curved face are pressed, of which 12 give the force to 2 %" in coarse["text"]
 
 
+def test_a_face_that_may_touch_between_nodes_which_miss_the_plane_is_told(ball: Pipeline) -> None:
+    """A ball that turns as it comes down by 9 µm; not one that is higher than it bulges, by h²/4R."""
+    meshed = 'contact.floor.near_field="mesh"'
+    turned = ball.variant(ball_by(meshed, 'joint.flight.spin=["0 rad/s","1000 rad/s","0 rad/s"]').scene)
+    (missed,) = [own["text"] for own in contact_warnings(turned) if own["code"] == "contact-unseen"]
+    assert "bulges by as much between nodes, which come within 8.75e-07 m of the plane" in missed
+    assert 1e-5 < float(missed.split("up to ")[1].split(" m")[0]) < 9e-3**2 / (4 * 10e-3)
+    above = ball.variant(ball_by(meshed, "contact.floor.clearance=3 mm").scene)
+    assert [own for own in contact_warnings(above) if own["code"] == "contact-unseen"] == []
+
+
 def test_stress_under_forces_on_points_is_in_equilibrium_with_them_and_itself() -> None:
     """Its divergence is 0, planes below bear the whole force, and the surface beside it bears nothing."""
     nu, step, force = 0.3, 1e-3, np.array([[2.0, 0.7, -0.4]])

@@ -9,7 +9,8 @@ import numpy as np
 
 from fmd.accuracy.contact_errors import ContactError
 from fmd.contact.primitives import BORE, BOX, PIN, Primitive
-from fmd.core.arrays import Array
+from fmd.contact.surfaces import triangle_normals
+from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.contact import (
     BETWEEN_NODES,
     DEPTH_FRAMES,
@@ -28,6 +29,7 @@ from fmd.stages.pipeline import Pipeline
 
 if TYPE_CHECKING:
     from fmd.contact.touching_body import ContactPair, TouchingBody
+    from fmd.stages.part import FlexiblePart
 
 
 def contact_figures(run: Pipeline) -> dict[str, Any]:
@@ -92,7 +94,7 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
         depth, why = _unseen_depth(run, name, body, face) if run.scene.contact[name].on_ground else (0.0, "")
         if depth > 0.0:
             text = (
-                f"contact.{name}: nodes of {body}.{face} that carry no pressure go up to {depth:.3g} m deeper than "
+                f"contact.{name}: places of {body}.{face} that carry no pressure go up to {depth:.3g} m deeper than "
                 f"those that do, for {why}"
             )
             found.append({"code": "contact-unseen", "text": text})
@@ -189,17 +191,31 @@ def _unseen_depth(run: Pipeline, contact: str, body: str, face: str) -> tuple[fl
     def lowest(x: Array, shapes: Array) -> Array:
         along = frame.rotation.transpose(0, 2, 1) @ plane.normal
         gaps = np.einsum("ta,tna->tn", along, x + np.einsum("nam,tm->tna", shapes, q))
-        return np.asarray(gaps.min(axis=1) + (frame.origin - plane.position) @ plane.normal)
+        return np.asarray(gaps.min(axis=1) + (frame.origin - plane.position) @ plane.normal + plane.clearance)
 
     own = touching.points.faces[face]
     points = lowest(touching.points.x[own], touching.points.shapes[own])
     deeper = (np.minimum(points, 0.0) - lowest(reduced.x[nodes], reduced.shapes[nodes])).max()
     extent = float(np.ptp(touching.points.x[own], axis=0).max())
+    bulge = _bulge(part, reduced.x, nodes) if motion.contacts[contact].span[0] is None else 0.0
+    if bulge > 0.0 and points.min() < bulge:
+        why = f"the face bulges by as much between nodes, which come within {points.min():.3g} m of the plane, and may "
+        return bulge, why + "touch it unseen; smaller elements, or near_field = 'auto', help"
     why = "it tilts onto a corner; smaller elements there, or linear hexahedra, help"
     if plane.face in touching.points.grids:
         why = "it touches beside the near field's grid, which is where the face is lowest at the start; near_field = "
         why += "'mesh' follows it"
     return (float(deeper), why) if deeper > UNSEEN_DEPTH * extent else (0.0, "")
+
+
+def _bulge(part: FlexiblePart, x: Array, nodes: IntArray) -> float:
+    """Return how far a face is out of the chords between neighbours of its nodes, by normals at these [m]."""
+    triangles = part.surface.nodes[part.surface.triangles]
+    ends = triangles[np.isin(triangles, nodes).all(axis=1)]
+    normals, other = np.zeros(x.shape), np.roll(ends, 1, axis=1)
+    np.add.at(normals, ends, triangle_normals(x, ends)[:, None])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+    return float(((normals[other] - normals[ends]) * (x[other] - x[ends])).sum(axis=2).max(initial=0.0)) / 8.0
 
 
 def distances_from(surface: Primitive, x: Array) -> Array:
