@@ -59,7 +59,7 @@ _REDUCTION = ("fmd/fem", "fmd/reduction", *_BASIS)
 _STRESS = ("fmd/fem", "fmd/recovery/stress.py")
 _DEFORMATION = ("fmd/fem", "fmd/recovery/deformation.py")
 _OF_TEETH = "tooth_flexibility:find_tooth_flexibility"
-_TEETH = (*_SHAPES, *_REDUCTION, *_STRESS, "fmd/contact/gear_pair.py", "fmd/stages/tooth_flexibility.py")
+_TEETH = (*_SHAPES, *_REDUCTION, *_STRESS, "fmd/contact/gear_pair.py")
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
 # And its files: all that a part's results are of.

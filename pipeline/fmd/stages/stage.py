@@ -52,10 +52,17 @@ class Stage(Generic[T]):
     applies: Callable[[Any], bool] = lambda owner: True
     lasts: Callable[[T], bool] = lambda result: True  # whether a result may be kept: one that is not whole may not
 
+    @property
+    def all_sources(self) -> tuple[str, ...]:
+        """Sources that make the result: those that are named, and the module that computes it where that is named."""
+        if not isinstance(self.compute, str):
+            return self.sources
+        return (*self.sources, f"fmd/stages/{self.compute.partition(':')[0]}.py")
+
     def key(self, owner: Staged) -> str:
         """Return the key that an object's result is kept under; empty if it never is."""
         inputs = None if self.inputs is None else self.inputs(owner)
-        return "" if inputs is None else stage_key(self.name, inputs, self.sources, self.packages)
+        return "" if inputs is None else stage_key(self.name, inputs, self.all_sources, self.packages)
 
     def of(self, owner: Staged, compute: Callable[[Any], T] | None = None) -> T:
         """Return an object's result, computed or read on first use; ``compute`` is used in place of the stage's own."""
@@ -82,7 +89,7 @@ class Stage(Generic[T]):
     def _find(self, owner: Staged, compute: Callable[[], T]) -> T:
         """Compute a result, unless another body has it or it is kept."""
         if self.shared_inputs is not None:
-            key = stage_key(self.name, self.shared_inputs(owner), self.sources, self.packages)
+            key = stage_key(self.name, self.shared_inputs(owner), self.all_sources, self.packages)
             return owner.store.share_or_compute(self.name, key, compute)
         if key := self.key(owner):
             return owner.store.read_or_compute(self.name, key, compute, self.lasts, self._find_kind(owner))
