@@ -9,7 +9,6 @@ import numpy as np
 
 from fmd.accuracy.contact_errors import ContactError
 from fmd.contact.primitives import BORE, BOX, PIN, Primitive
-from fmd.contact.surfaces import triangle_normals
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.contact import (
     BETWEEN_NODES,
@@ -210,6 +209,8 @@ def _unseen_depth(run: Pipeline, contact: str, body: str, face: str) -> tuple[fl
 
 def _bulge(part: FlexiblePart, x: Array, nodes: IntArray) -> float:
     """Return how far a face is out of the chords between neighbours of its nodes, by normals at these [m]."""
+    from fmd.contact.surfaces import triangle_normals
+
     triangles = part.surface.nodes[part.surface.triangles]
     ends = triangles[np.isin(triangles, nodes).all(axis=1)]
     normals, other = np.zeros(x.shape), np.roll(ends, 1, axis=1)
