@@ -83,15 +83,12 @@ def solve_balanced(
     def tell(left: Array) -> None:
         advance(float(np.log(np.clip((left / size).max(), CONVERGED_RESIDUAL, 1.0)) / np.log(CONVERGED_RESIDUAL)))
 
-    for done in range(GRADIENT_ROUNDS):
-        step, defect, answer, left = _conjugate_gradients(K, defect, answer, elastic, tell)
+    for _ in range(GRADIENT_ROUNDS):
+        step, left = _conjugate_gradients(K, defect, answer, elastic, tell)
         u, residual, before = u + step, np.maximum(left / size, largest**2), largest
         if exact is not None and residual.max() < CONVERGED_RESIDUAL:  # K's part of round-off, at most what was left,
             break  # of a step of that size
         exact = forces if (left / size).max() ** 2 < CONVERGED_RESIDUAL else None
-        if not done and exact is None and (left / size).max() > STATIC_RESIDUAL:  # far more than round-off
-            defect = balance(defect)
-            continue
         defect = balance(loads - (K @ u if exact is None else exact(u)))
         answer = elastic(defect)
         residual = _energy_norm(defect, answer) / size  # in which round-off of stiff elements counts little
@@ -153,12 +150,11 @@ def _energy_norm(load: Array, answer: Array) -> Array:
 
 def _conjugate_gradients(
     K: Any, f: Array, z: Array, inverse: Callable[[Array], Array], tell: Callable[[Array], None]
-) -> tuple[Array, Array, Array, Array]:
+) -> tuple[Array, Array]:
     """Solve ``K u = f`` to about four digits, preconditioned by ``inverse``, from its z.
 
     All columns step in the space of all (O'Leary, Linear Algebra Appl 29, 1980): a few loads hold the lowest modes, in
-    which ``inverse`` is far from that of K. Returned are u, what is left of f, its z and its
-    energy norms, which ``tell`` takes.
+    which ``inverse`` is far from that of K. ``tell`` takes the energy norms that are left, which are returned with u.
     """
     u, r, p, left = np.zeros_like(f), f.copy(), z, _energy_norm(f, z)
     enough = ROUND_GAIN * left
@@ -177,7 +173,7 @@ def _conjugate_gradients(
         if not (left > enough).any():
             break
         p = z - p @ (solve @ (Kp.T @ z))
-    return u, r, z, left
+    return u, left
 
 
 def _inverse_of(A: Array) -> Array:
