@@ -10,17 +10,17 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.code import DOUBLES_IN_LINE
 from fmd.kernels.types import TableType, table_type, type_of
 
 _WORD = 8  # bytes
-_LINE = 8  # words
 
 
 def aligned(*sizes: int) -> list[Array]:
     """Zeroed vectors that each begin a cache line: straddling one costs a small kernel a third of its speed."""
-    lines = [-(-size // _LINE) * _LINE for size in sizes]
-    block = np.zeros(sum(lines) + _LINE)
-    start = -(address_of(block) // _WORD) % _LINE
+    lines = [-(-size // DOUBLES_IN_LINE) * DOUBLES_IN_LINE for size in sizes]
+    block = np.zeros(sum(lines) + DOUBLES_IN_LINE)
+    start = -(address_of(block) // _WORD) % DOUBLES_IN_LINE
     vectors = []
     for size, line in zip(sizes, lines, strict=True):
         vectors.append(block[start : start + size])
@@ -85,8 +85,8 @@ class Table:
         copied in one block, in which each begins a cache line, and Python sees them only where it asks for them.
         """
         plan = self._plan
-        block = np.empty(plan.content.size + _LINE, dtype=np.int64)
-        first = -(address_of(block) // _WORD) % _LINE
+        block = np.empty(plan.content.size + DOUBLES_IN_LINE, dtype=np.int64)
+        first = -(address_of(block) // _WORD) % DOUBLES_IN_LINE
         block[first : first + plan.content.size] = plan.content
         words = plan.words.copy()
         words[plan.pointers] = plan.offsets + (address_of(block) + _WORD * first)
@@ -123,8 +123,8 @@ class Table:
             if isinstance(x, np.ndarray):
                 pointers.append(word)
                 first[name] = size
-                pieces += [x.view(np.int64).ravel(), np.zeros(-x.size % _LINE, dtype=np.int64)]
-                size += x.size + -x.size % _LINE
+                pieces += [x.view(np.int64).ravel(), np.zeros(-x.size % DOUBLES_IN_LINE, dtype=np.int64)]
+                size += x.size + -x.size % DOUBLES_IN_LINE
             elif isinstance(x, Table):
                 tables[name] = word, x
             word += 1 + x.ndim if isinstance(x, np.ndarray) else 1
