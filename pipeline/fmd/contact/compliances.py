@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from fmd.contact.nodes import n_nodes_below
 from fmd.contact.tables import ContactTable
 from fmd.core.limits.code import DOUBLES_IN_LINE
 from fmd.core.limits.contact import TURNED_BLOCKS, TURNED_NORMALS, WIDER_BAND
@@ -34,7 +35,7 @@ def choose_points(c: ContactTable, g: int) -> bool:
     count = c.n_chosen[g]
     if changed:
         count = _choose(c, g, WIDER_BAND * band)
-        if 3 * count > c.stride[g]:
+        if count > c.width[g]:
             count = _choose(c, g, band)
         if not _has_columns(c, g, count):
             for i in range(first, last):
@@ -83,16 +84,16 @@ def _has_columns(c: ContactTable, g: int, count: int) -> bool:
     for own in range(count):
         i = c.chosen[c.group[g] + own]
         missing = missing or c.column[c.node[i]] < 0
-        for e in range(3 if c.master[c.surface[i]] >= 0 and c.primitive[c.surface[i], 0] == 0.0 else 0):
+        for e in range(n_nodes_below(c, i)):
             missing = missing or c.column[c.foot[i, e]] < 0
-    if 3 * count > c.stride[g] or not missing:
-        return bool(3 * count <= c.stride[g])
+    if count > c.width[g] or not missing:
+        return bool(count <= c.width[g])
     for k in range(c.wanted.size):
         c.wanted[k] = 0
     for own in range(count):
         i = c.chosen[c.group[g] + own]
         c.wanted[c.node[i]] = 1
-        for e in range(3 if c.master[c.surface[i]] >= 0 and c.primitive[c.surface[i], 0] == 0.0 else 0):
+        for e in range(n_nodes_below(c, i)):
             c.wanted[c.foot[i, e]] = 1
     call_native(c.grow, (c.wanted, c.row, c.column, c.G))
     c.clock[1] = 4.0 if c.wanted[0] == 0 else c.clock[1]

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from fmd.contact.nodes import n_nodes_below
 from fmd.contact.normal_forces import solve_active
 from fmd.contact.places import place_surface
 from fmd.contact.pushes import push_at_point
@@ -286,7 +287,7 @@ def _displace(c: ContactTable, g: int, way: float, dG: Array, soft: int, m: Held
             m.moved[i, a] = m.way[a]
         if c.softness[s] > 0.0 and c.force[i, 0] != 0.0:
             _move_softly(c, i, way, dG, soft, m)
-        for e in range(3 if c.master[s] >= 0 and c.primitive[s, 0] == 0.0 else 0):
+        for e in range(n_nodes_below(c, i)):
             _move_node(c, c.foot_then[i, e], c.master[s], way, dG, soft, m)
             for a in range(3):
                 for b in range(3):
@@ -298,7 +299,7 @@ def _add_forces(c: ContactTable, i: int, m: HeldRoom) -> None:
     """Add the force on a point to those of its node, and the opposite one to the nodes below."""
     for b in range(3):
         m.forces[c.node[i], b] += m.pushes[i, b]
-    for e in range(3 if c.master[c.surface[i]] >= 0 and c.primitive[c.surface[i], 0] == 0.0 else 0):
+    for e in range(n_nodes_below(c, i)):
         for b in range(3):
             for k in range(3):
                 m.forces[c.foot_then[i, e], b] -= m.weights[i, e] * m.Q[i, k, b] * m.pushes[i, k]

@@ -33,6 +33,13 @@ def place_node(c: ContactTable, k: int, body: int, q: Array, origins: Array, rot
 
 
 @inner
+def n_nodes_below(c: ContactTable, i: int) -> int:
+    """Return how many nodes the other surface has below a point: a triangle's, none of a plane or a rigid surface."""
+    s = c.surface[i]
+    return 3 if c.master[s] >= 0 and c.primitive[s, 0] == 0.0 else 0
+
+
+@inner
 def farthest_deflected(c: ContactTable, s: int, side: int, body: int, q: Array) -> float:
     """Return a bound of how far modes at positions q and forces on markers deflect a surface's points or triangles."""
     far = c.reach[s, side] * modal_size(c, body, q, c.shift)

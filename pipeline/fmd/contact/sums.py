@@ -26,6 +26,7 @@ from fmd.contact.histories import (
     SLIP,
     WORN,
 )
+from fmd.contact.nodes import n_nodes_below
 from fmd.contact.round_points import keep_round_points
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
@@ -144,13 +145,11 @@ def note_values(c: ContactTable, values: Array) -> None:
 @inner
 def _note_force(c: ContactTable, i: int, first: int, values: Array) -> None:
     """Add the force on a point to that of its node, and its opposite to the corners of the triangle below."""
-    other = c.master[c.surface[i]] >= 0 and c.primitive[c.surface[i], 0] == 0.0
     for b in range(3):
         values[first + 3 * c.node[i] + b] += c.own[i, b]
-        if other:
-            back = c.Q[i, 0, b] * c.own[i, 0] + c.Q[i, 1, b] * c.own[i, 1] + c.Q[i, 2, b] * c.own[i, 2]
-            for e in range(3):
-                values[first + 3 * c.foot[i, e] + b] -= c.weights[i, e] * back
+        back = c.Q[i, 0, b] * c.own[i, 0] + c.Q[i, 1, b] * c.own[i, 1] + c.Q[i, 2, b] * c.own[i, 2]
+        for e in range(n_nodes_below(c, i)):
+            values[first + 3 * c.foot[i, e] + b] -= c.weights[i, e] * back
 
 
 @inner
@@ -222,9 +221,8 @@ def _wear(c: ContactTable, i: int, slip: float) -> None:
     c.worn[k] += volume
     if c.rounded[s] == 0 and c.areas[i] > 0.0:
         v[MOST_WORN] = max(v[MOST_WORN], c.worn[k] / c.areas[i])
-    if c.master[s] >= 0 and c.primitive[s, 0] == 0.0:
-        for e in range(3):
-            c.worn[c.foot[i, e]] += c.weights[i, e] * volume
+    for e in range(n_nodes_below(c, i)):
+        c.worn[c.foot[i, e]] += c.weights[i, e] * volume
 
 
 @inner
