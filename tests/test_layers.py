@@ -68,7 +68,7 @@ FACTS = {
     "fmd.contact.histories": {
         *("FORCE", "IMPULSE", "MOMENT", "AREA", "PRESSURE", "ENERGY", "FRICTION", "DAMPED", "ERROR"),
         *("BEGIN", "END", "BORDER", "N_VALUES", "MOST_FORCE", "MOST_AREA", "MOST_PRESSURE"),
-        *("SLIP", "MEAN_SLIP", "WORN", "MOST_WORN"),
+        *("SLIP", "MEAN_SLIP", "WORN", "MOST_WORN", "FORCE_AT", "PRESSURE_AT"),
     },
     "fmd.core.cache": {"_DIGEST_BYTES"},
     "fmd.core.child": {"_PR_SET_PDEATHSIG"},

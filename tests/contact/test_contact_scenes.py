@@ -125,12 +125,6 @@ def test_energy_that_steps_make_is_warned_of(dropped: Pipeline) -> None:
     assert ("contact-energy" in codes) is bool(lost)
 
 
-def test_a_largest_force_between_output_times_which_stress_is_of_is_warned_of(dropped: Pipeline) -> None:
-    finer = block('simulation.output_step="10 us"')
-    told = ["contact-instant" in [own["code"] for own in contact_warnings(run)] for run in (dropped, finer)]
-    assert told == [True, False]
-
-
 def test_corners_of_quadratic_tetrahedra_that_go_deeper_are_warned_of() -> None:
     mesh = 'body.block.mesh={ element = "tetrahedron", size = "60 mm" }'
     tilt = 'joint.free.rotate=["20 deg", "0 deg", "20 deg"]'

@@ -33,14 +33,12 @@ def draw(run: Pipeline, folder: Path, **settings: Any) -> dict[str, Any]:
 
 
 def test_the_picture_has_the_largest_pressure_at_its_place_and_the_force_by_areas(
-    dropped: Pipeline, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    dropped: Pipeline, tmp_path: Path
 ) -> None:
     drawn, floor = draw(dropped, tmp_path), dropped.motion.contacts["floor"]
     points = dropped.parts["block"].contact_points
     assert floor.largest[2] > 1.01 * floor.peak_pressure.max()  # it passes between output times
     assert drawn["values"].max() == pytest.approx(1e-6 * floor.largest[2], rel=1e-12)
-    monkeypatch.setattr("fmd.output.pressure.PEAK_TIMES", 7)  # so few that the instant is found by several marches
-    assert draw(dropped, tmp_path)["label"] == drawn["label"]
     k, time = int(floor.tops[:, 2].argmax()), 1e-3 * float(drawn["label"].split(" at ")[1].split()[0])
     assert dropped.motion.times[k - 1] < time < dropped.motion.times[k]
     pressed = drawn["surface"].points[drawn["values"] > 0.0]

@@ -35,7 +35,7 @@ _FROM_START = ", from its start"
 
 @dataclass
 class MissedPeak:
-    """Largest size of a quantity at a motion's output times and at many more between them."""
+    """Largest size of a quantity at a motion's output times, of a body's stress with shocks', and at many more."""
 
     unit: str
     at_outputs: float = 0.0  # largest at the output times
@@ -99,12 +99,14 @@ def find_missed_peaks(run: Pipeline, variables_of: Callable[[Motion], Iterable[V
 def _find(run: Pipeline, variables_of: Callable[[Motion], Iterable[Variable]]) -> dict[str, MissedPeak]:
     found: dict[str, MissedPeak] = {}
     largest, fine = dict.fromkeys(("N", "N m", "m/s^2"), 0.0), run.fine_motion
-    at_outputs = np.zeros(len(fine.times), dtype=bool)
+    at_outputs, at_instants = np.zeros((2, len(fine.times)), dtype=bool)
     at_outputs[run.fine_times[1]] = True
+    at_instants[np.searchsorted(fine.times, run.at_instants.motion.times)] = True
     for first, part in fine.parts() if not at_outputs.all() else [(0, fine.part(0, 1))]:  # nothing is between
         for variable in variables_of(part):
             peak = found.setdefault(variable.name, MissedPeak(variable.units))
-            peak.add(variable.values, part.times, at_outputs[first : first + len(part.times)])
+            known = at_instants if variable.name.endswith(EXTREMES["von Mises"]) else at_outputs
+            peak.add(variable.values, part.times, known[first : first + len(part.times)])
         if "joint_loads" in vars(part):  # something follows from the equations of motion
             for unit, size in _sizes_of_loads(part):
                 largest[unit] = max(largest[unit], size)

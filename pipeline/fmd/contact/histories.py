@@ -16,7 +16,9 @@ SLIP, MEAN_SLIP = 21, 22
 """Places of the longest way that a point has slipped, and of the mean by areas of those that have."""
 WORN, MOST_WORN = 23, 24
 """Places of the volume that each of both faces has lost by wear and of its largest depth; NaN without wear or areas."""
-N_VALUES = 25
+FORCE_AT, PRESSURE_AT = 25, 26
+"""Places of the times of the largest force and pressure since the output time before."""
+N_VALUES = 27
 
 
 class ContactHistory(NamedTuple):
@@ -38,6 +40,7 @@ class ContactHistory(NamedTuple):
     wear_volume: Array  # (n_times,): lost by each of both faces since the start [m³]; NaN without wear
     wear_depth: Array  # (n_times,): largest depth of that at points that have areas [m]; NaN without these
     tops: Array  # (n_times, 3): largest force [N], area [m²], pressure [Pa] then and at all steps since the time before
+    tops_at: Array  # (n_times, 2): times of that force and that pressure, if they aren't 0 [s]
 
     def lost_part(self, kinetic: Array) -> float:
         """Return the largest energy that steps made or lost, over the largest that they had to do with.
@@ -102,4 +105,5 @@ def read_history(v: Array) -> ContactHistory:
         wear_volume=v[:, WORN],
         wear_depth=v[:, MOST_WORN],
         tops=v[:, MOST_FORCE : MOST_PRESSURE + 1],
+        tops_at=v[:, FORCE_AT : PRESSURE_AT + 1],
     )

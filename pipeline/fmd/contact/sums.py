@@ -13,6 +13,7 @@ from fmd.contact.histories import (
     ENERGY,
     ERROR,
     FORCE,
+    FORCE_AT,
     FRICTION,
     IMPULSE,
     MEAN_SLIP,
@@ -23,6 +24,7 @@ from fmd.contact.histories import (
     MOST_WORN,
     N_VALUES,
     PRESSURE,
+    PRESSURE_AT,
     SLIP,
     WORN,
 )
@@ -53,9 +55,12 @@ def evaluate_contacts(c: ContactTable, t: float, origins: Array, rotations: Arra
             c.now[c.contact[c.surface[i]], ENERGY] += c.stored[i]
     for k in range(c.now.shape[0]):
         v = c.now[k]
-        v[MOST_FORCE] = max(v[MOST_FORCE], math.sqrt(v[FORCE] ** 2 + v[FORCE + 1] ** 2 + v[FORCE + 2] ** 2))
+        force = math.sqrt(v[FORCE] ** 2 + v[FORCE + 1] ** 2 + v[FORCE + 2] ** 2)
+        if force > v[MOST_FORCE]:
+            v[MOST_FORCE], v[FORCE_AT] = force, t
+        if v[PRESSURE] > v[MOST_PRESSURE]:
+            v[MOST_PRESSURE], v[PRESSURE_AT] = v[PRESSURE], t
         v[MOST_AREA] = max(v[MOST_AREA], v[AREA])
-        v[MOST_PRESSURE] = max(v[MOST_PRESSURE], v[PRESSURE])
 
 
 @inner
@@ -173,6 +178,7 @@ def remember(c: ContactTable, t: float, origins: Array, rotations: Array) -> Non
             s[BEGIN] = t if math.isnan(s[BEGIN]) else s[BEGIN]
             s[END] = t
         s[MOST_FORCE], s[MOST_AREA], s[MOST_PRESSURE] = v[MOST_FORCE], v[MOST_AREA], v[MOST_PRESSURE]
+        s[FORCE_AT], s[PRESSURE_AT] = v[FORCE_AT], v[PRESSURE_AT]
         s[ENERGY] = v[ENERGY]
         s[ERROR] = 0.0 if begins else s[ERROR] + v[ENERGY]
     for number in range(c.slave.size):

@@ -185,7 +185,7 @@ def _differentiate(
             by_stress, by_script = channel.unit == "Pa" or channel.shortest, ".mesh.parameter." in parameter.key
             if unstated := UNSTATED if by_stress and by_script else "":
                 error = np.full(slope.shape, np.nan)
-            jumps = _jumps(channel, near.low, near.high, share=near.step / abs(parameter.value))
+            jumps = _jumps(channel, frozen.run, near.low, near.high, share=near.step / abs(parameter.value))
             yield Sensitivity(channel, parameter, value, slope, error, jumps, near.by_tangents, near.lacking, unstated)
 
 

@@ -116,13 +116,13 @@ def _stress(run: Pipeline, body: str, origin: str) -> ResultChannel:
     if not (part := run.wholes[body]).has_stress:
         mend = f"{body} {NUMBERS_ALONE}" if part.has_mesh else f"{body} has no stress: it has no mesh"
         raise InputError(origin, f"{body}.stress", None, mend)
-    time, node, value = run.stress_of(body).worst()
+    time, node, value = run.stress_of(body, run.motion).worst()
     if not value > 0.0:
         raise InputError(origin, f"{body}.stress", None, f"{body} has no stress in this motion")
     frame = int(np.flatnonzero(run.motion.times == time)[0])
 
     def read(other: Pipeline) -> Array:
-        stress = other.stress_of(body)
+        stress = other.stress_of(body, other.motion)
         return np.asarray(von_mises((stress.modal[node] @ stress.q[frame])[None])[0])
 
     return ResultChannel(

@@ -10,7 +10,7 @@ from fmd.contact.flexibility import find_yields
 from fmd.contact.surfaces import find_rim, node_normals
 from fmd.contact.touching_body import TouchingBody
 from fmd.core.arrays import Array
-from fmd.core.limits.contact import BETWEEN_OUTPUTS, DEPTH_FRAMES, FACE_ALIKE, RIGID_BESIDE, ROUNDED_START, UNFELT
+from fmd.core.limits.contact import DEPTH_FRAMES, FACE_ALIKE, RIGID_BESIDE, ROUNDED_START, UNFELT
 from fmd.dynamics.elements import PointSpring, SixAxisSpring
 from fmd.integrators.exponential import Exponential
 from fmd.integrators.protocol import evaluate
@@ -176,19 +176,6 @@ def start_faults(run: Pipeline) -> Iterator[str]:
             yield (
                 f"contact.{name}: presses from the start, undeformed under its loads, and rings about their balance; "
                 "simulation.start = 'equilibrium' begins there, if bodies can rest"
-            )
-
-
-def instant_faults(run: Pipeline) -> Iterator[str]:
-    """Yield which contacts press flexible bodies most between output times, of which stress and films are."""
-    for name in dict.fromkeys(name for name, _, _ in run.scene.touching_faces):
-        own = run.motion.contacts[name]
-        found = float(np.linalg.norm(own.force, axis=1).max())
-        if found < (1.0 - BETWEEN_OUTPUTS) * own.largest[0]:
-            yield (
-                f"contact.{name}: its largest force of {own.largest[0]:.4g} N is between output times, at which it is "
-                f"{found:.4g} N at most; stress, films and histories are of these, so that a shorter "
-                "simulation.output_step shows more"
             )
 
 

@@ -46,9 +46,9 @@ def contact_figures(run: Pipeline) -> dict[str, Any]:
             radius = float(np.sqrt(histories[name].largest[1] / np.pi))
             figures[name]["radius_over_spacing"] = radius / spacing
         for plane in body.planes:
-            own = run.contact_deformation(body.body, run.motion)
+            own = run.at_instants.contact_deformation(body.body, run.at_instants.motion)
             if own is not None and plane.face in body.points.grids:
-                stress, depth = own.stress_below(plane.face, run.motion)
+                stress, depth = own.stress_below(plane.face, run.at_instants.motion)
                 figures[plane.name] |= {"largest_stress_below_pa": stress, "its_depth_m": depth}
     return {"contacts": figures} if histories else {}
 
@@ -64,7 +64,6 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
     found += [{"code": "contact-facing", "text": text} for text in faults.facing_faults(run.motion)]
     found += [{"code": code, "text": text} for code, text in faults.unfelt_faults(run)]
     found += [{"code": "contact-start", "text": text} for text in faults.start_faults(run)]
-    found += [{"code": "contact-instant", "text": text} for text in faults.instant_faults(run)]
     found += [{"code": "contact-spread", "text": text} for text in faults.spread_faults(run)]
     for motion in run.motions.values():
         for name, own in motion.contacts.items():

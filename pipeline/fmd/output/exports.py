@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmd.output.formats import write_format
+from fmd.output.instants import choose_instants
 from fmd.output.output_kinds import OutputKind, read_body
 from fmd.output.variable_errors import VariableErrors
-from fmd.recovery.stress import choose_frames, von_mises
+from fmd.recovery.stress import von_mises
 from fmd.scene.outputs import Export
 from fmd.stages.pipeline import Pipeline
 
@@ -47,8 +48,9 @@ def _write_motion(run: Pipeline, body: str, frames: int, path: Path) -> None:
     """Write displacement from the undeformed body at rest, deformation and stress at all nodes."""
     from fmd.fem.formats.vtkhdf import write_series
 
-    part, motion = run.wholes[body], run.motion
-    chosen, nodes = choose_frames(len(motion.times), frames), np.arange(len(part.space.x))
+    part, chosen = run.wholes[body], choose_instants(run, frames, [body])
+    run = run.at_instants
+    motion, nodes = run.motion, np.arange(len(part.space.x))
     x, origin = run.node_positions(body)[: len(nodes)], run.bodies[run.frame_of(body)].origin
 
     def fields() -> Iterator[dict[str, NDArray[np.floating]]]:

@@ -91,7 +91,7 @@ def _flexible(run: Pipeline, body: str, chosen: IntArray, scale: float, componen
     from fmd.render.moving_bodies import MovingBody
 
     frame = run.motion.kinematics.frames[run.motion.mechanism.number_of(body)]
-    history, nodes = run.stress_of(body) if component is not None else None, run.wholes[body].surface.nodes
+    history, nodes = run.stress_of(body, run.motion) if component is not None else None, run.wholes[body].surface.nodes
     if len(run.pieces_of(body)) > 1:  # not linear in its coordinates: a shape for each time
         shapes, coordinates = np.moveaxis(run.deform(body, chosen, nodes), 0, 2), np.eye(len(chosen))
     else:

@@ -12,9 +12,10 @@ from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.units import unit_ratio
 from fmd.output.curves import curves_of, errors_of_curve
+from fmd.output.instants import choose_instants, find_worst
 from fmd.output.mechanism_view import body_surface, view_mechanism
 from fmd.output.output_kinds import OutputKind, Reads, key_of, read_body
-from fmd.recovery.stress import choose_frames, stress_measure
+from fmd.recovery.stress import stress_measure
 from fmd.render.calls import Drawer, draw_here
 from fmd.render.camera import FILM_PIXELS, PIXELS, SHEET_PIXELS, Camera
 from fmd.render.chart_data import Band, Curve
@@ -141,12 +142,10 @@ def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer
     drawn = [name for name in names if run.wholes[name].is_drawn]
     if not drawn:
         body_surface(run, names[0])  # says what it lacks
-    worst = {name: run.stress_of(name).worst() for name in drawn}
-    body = max(worst, key=lambda name: worst[name][2])
-    time, _, _ = worst[body]
+    body, worst, _ = find_worst(run, drawn)
+    run, frame = run.at_instants, np.array([worst])
     stress = run.stress_of(body)
-    frame = np.array([int(np.searchsorted(stress.times, time))])
-    title = f"{output.title or run.scene.title}: worst instant, t = {1e3 * time:.1f} ms"
+    title = f"{output.title or run.scene.title}: worst instant, t = {1e3 * stress.times[worst]:.6g} ms"
     if output.alone or len(run.scene.body) == 1:
         draw(
             "pictures.draw_stress",
@@ -190,7 +189,8 @@ def _draw_mechanism(
 
 def draw_film(run: Pipeline, output: Film, folder: Path, draw: Drawer = draw_here) -> None:
     """Film the mechanism in motion, in the colours of its stress."""
-    moving = _view(run, output, choose_frames(len(run.motion.times), output.frames))
+    coloured = [name for name, part in run.wholes.items() if part.has_stress and output.body in (None, name)]
+    moving = _view(run.at_instants, output, choose_instants(run, output.frames, coloured))
     stresses = [body.stress for body in moving.bodies if body.stress is not None]
     draw(
         "film.draw_film",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,14 +11,12 @@ from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.errors import InputError
-from fmd.core.limits.contact import ASLANT, PEAK_TIMES
-from fmd.core.limits.round_off import SUMMED
+from fmd.core.limits.contact import ASLANT
 from fmd.output.mechanism_view import body_surface
 from fmd.output.output_kinds import OutputKind, key_of
 from fmd.output.pictures import camera_of
 from fmd.recovery.wear import worn_faces
 from fmd.render.calls import Drawer, draw_here
-from fmd.stages.plan import is_long_again, repeat_choice
 
 if TYPE_CHECKING:
     from fmd.contact.touching_body import TouchingBody
@@ -34,7 +31,7 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
 
     A near field's grid is smaller than elements: nodes beside it have its pressure, and the label the area it is on.
     """
-    motion = _with_largest_pressure(run, output.contact) if output.quantity == "pressure" else run.motion
+    motion = run.at_instants.motion if output.quantity == "pressure" else run.motion
     (touching,) = (own for own in motion.mechanism.contacts if output.contact in own.names)
     quantity, unit, scale = output.quantity, *(("MPa", 1e-6) if output.quantity == "pressure" else ("µm", 1e6))
     body, face, own, found = _find_field(run, motion, touching, output)
@@ -66,28 +63,6 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
         label=f"{peak:.4g} {unit} at {1e3 * time:.4g} ms{wide}",
         camera=camera_of(run, _facing(output, surface, places)),
     )
-
-
-def _with_largest_pressure(run: Pipeline, contact: str) -> Motion:
-    """Return the first run's motion, with all steps between the output times between which pressure is largest.
-
-    It takes another march in the same steps, unless that is long, and one more for each time that these are too many.
-    """
-    motion = run.motion
-    own, step = motion.contacts[contact], motion.trajectory.step
-    largest = own.tops[:, 2]
-    k = int(np.nanargmax(largest))
-    if k == 0 or largest[k] <= (1.0 + SUMMED) * own.peak_pressure.max() or is_long_again(motion):
-        return motion
-    plan, skipped = repeat_choice(next(iter(run.plans.values())), motion.trajectory), 2
-    while skipped > 1:
-        begin, end = motion.times[k - 1 : k + 1]
-        count = math.ceil((end - begin) / step)
-        skipped = max(1, count // PEAK_TIMES)
-        times = step * (math.floor(begin / step) + np.arange(1, count + 1, skipped))
-        motion = run.motion_by(plan, plan.march(np.r_[motion.times[:k], times[(times > begin) & (times < end)], end]))
-        k = int(np.nanargmax(motion.contacts[contact].tops[:, 2]))
-    return motion
 
 
 def _find_field(

@@ -80,7 +80,8 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         for row, history in zip(summary["integrations"], values.values(), strict=True):
             apart = float(np.abs(history - reference).max() / reference.max()) if reference.any() else 0.0
             row.setdefault("element_stress_difference", {})[name] = apart
-        ends = {"largest_pa": float(reference.max()), "at_the_end_pa": float(reference[-1])}
+        instants = next(iter(run.at_instants.element_stress(name).values()))
+        ends = {"largest_pa": float(instants.max()), "at_the_end_pa": float(reference[-1])}
         summary.setdefault("element_stress", {})[name] = ends
     found = {name: run.stress_of(name).worst() for name, part in run.wholes.items() if part.has_stress}
     if found:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmd.core.arrays import Array, short_repr
+from fmd.core.arrays import Array, IntArray, short_repr
 from fmd.core.html import facts, scaled
 from fmd.core.limits.memory import TIMES_AT_ONCE
 from fmd.dynamics.kinematics import Kinematics
@@ -45,9 +45,12 @@ class Motion:
 
     def part(self, first: int, stop: int | None = None) -> Motion:
         """Return the motion at some of the output times; nothing that is computed of it stays in the whole one."""
-        t, chosen = self.trajectory, slice(first, stop)
-        contacts = t.contacts[chosen]
-        part = replace(t, times=t.times[chosen], q=t.q[chosen], v=t.v[chosen], contacts=contacts)
+        return self.at(slice(first, stop))
+
+    def at(self, chosen: slice | IntArray) -> Motion:
+        """Return the motion at chosen output times, by their numbers."""
+        t = self.trajectory
+        part = replace(t, times=t.times[chosen], q=t.q[chosen], v=t.v[chosen], contacts=t.contacts[chosen])
         return replace(self, trajectory=part)
 
     def parts(self) -> Iterator[tuple[int, Motion]]:

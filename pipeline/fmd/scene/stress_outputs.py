@@ -164,7 +164,7 @@ class ContactPressure(PictureSettings):
 
     type: Literal["pressure"]
     contact: Name  # Name of the contact.
-    # ``"pressure"``, at the output time at which it is largest, or ``"slip"``, the way that each point has slipped
+    # ``"pressure"``, at the instant at which it is largest, or ``"slip"``, the way that each point has slipped
     # while it was pressed, at the end, or ``"wear"``, the depth that each has lost then.
     quantity: Literal["pressure", "slip", "wear"] = "pressure"
     # Of two bodies that wear one another, the one to draw; by default that with the smaller elements.

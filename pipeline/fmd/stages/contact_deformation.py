@@ -49,7 +49,7 @@ class ContactDeformation:
     def stress_below(self, face: str, motion: Motion) -> tuple[float, float]:
         """Return the largest von Mises stress below a face's grid [Pa], and its depth [m].
 
-        That is of a half-space, at the output time at which the pressure is largest.
+        That is of a half-space, at the instant of the motion at which the pressure is largest.
         """
         touched, points, grid = motion.touched, self.points, self.points.grids[face]
         assert touched is not None

@@ -15,7 +15,6 @@ from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.core.paths import cache_folder
 from fmd.core.progress import Monitor, silent
-from fmd.recovery.deformation import Deformation, measure_deformation
 from fmd.recovery.envelope import StressEnvelope, stress_envelope
 from fmd.recovery.stress import StressHistory, stress_measure
 from fmd.reduction.inertia import normal_blocks
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from fmd.fem.model import FEModel
     from fmd.fem.surface import SurfaceTopology
     from fmd.integrators.protocol import Trajectory
+    from fmd.recovery.deformation import Deformation
     from fmd.recovery.motion import Motion
     from fmd.reduction.body import FlexibleBody
     from fmd.reduction.modes import Modes
@@ -82,13 +82,6 @@ def _find_start(run: Pipeline) -> tuple[Array, Array]:
     if run.scene.repeats:
         return run.periodic.q, run.periodic.v
     return find_start(run.divided_scene, run.system)
-
-
-def _measure_deformations(run: Pipeline) -> Mapping[str, Deformation]:
-    return {
-        name: measure_deformation(part.deformation_shapes, run.bodies[name], run.motion.modal(name))
-        for name, part in run.parts.items()
-    }
 
 
 def _own_inputs(run: Pipeline) -> Any:
@@ -179,7 +172,9 @@ class Pipeline:
         applies=lambda run: bool(run.scene.contact),
     )
     fine_motion: Stage[Motion] = Stage("fine motion", "runs:march_finely", ("plans", "motion"))
-    deformations: Stage[Mapping[str, Deformation]] = Stage("strain", _measure_deformations, ("deformation", "motion"))
+    deformations: Stage[Mapping[str, Deformation]] = Stage(
+        "strain", "runs:measure_deformations", ("deformation", "motion")
+    )
 
     def __init__(
         self,
@@ -296,7 +291,9 @@ class Pipeline:
         return self.stress_of(self.part.name)
 
     def stress_of(self, body: str, motion: Motion | None = None) -> StressHistory:
-        """Stress on a flexible body's surface over the first run's motion, or over another one."""
+        """Stress on a flexible body's surface over the first run's motion, with shocks' instants, or over another."""
+        if motion is None and self.at_instants is not self:
+            return self.at_instants.stress_of(body)
         first = motion or self.motion
         if body in self.division.divided:
             return self.division.divided[body].stress(first)
@@ -343,7 +340,7 @@ class Pipeline:
         return (self.parts[body],) if divided is None else divided.pieces
 
     def envelope_of(self, body: str) -> StressEnvelope:
-        """Envelope of the stress on a flexible body's surface over the first run's motion; found once."""
+        """Envelope of the stress on a flexible body's surface over all times that `stress_of` has; found once."""
         if body not in self._envelopes:
             self._envelopes[body] = stress_envelope(self.stress_of(body))
         return self._envelopes[body]
@@ -405,7 +402,13 @@ class Pipeline:
         """Output times with many more between them [s], which of all are output times: `find_fine_times`."""
         from fmd.stages.plan import find_fine_times
 
-        return find_fine_times(next(iter(self.plans.values())), self.motion)
+        found = find_fine_times(next(iter(self.plans.values())), self.motion)
+        return import_module("fmd.stages.instants").add_shock_times(self, found[0]) if self.scene.contact else found
+
+    @cached_property
+    def at_instants(self) -> Pipeline:
+        """The run with its first motion at instants of contacts' shocks, too; itself where output times have these."""
+        return import_module("fmd.stages.instants").march_through_shocks(self) if self.scene.contact else self
 
     @property
     def motion(self) -> Motion:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from fmd.core.limits.shown import MOST_BENT, POSES_OF_A_JOINT
 from fmd.integrators.protocol import State, Trajectory
 from fmd.recovery.motion import Motion
 from fmd.recovery.stress import choose_frames
+from fmd.stages.instants import with_motions
 from fmd.stages.loop_closing import close_pose
 
 if TYPE_CHECKING:
@@ -125,16 +125,11 @@ def run_at_poses(run: Pipeline, times: Array, q: Array) -> Pipeline:
 
     Prescribed motions are taken at times (n_poses,) [s], which need not ascend. Contacts dent nothing beside the modes.
     """
-    posed = copy(run)
-    for name in ("stress", "fine_times"):  # of the run's own motion
-        vars(posed).pop(name, None)
     v = np.zeros((len(q), run.mechanism.n))
     end = State(0, q[-1], v[-1], v[-1])
     motion = Motion(
         run.mechanism, Trajectory("pose", 0.0, 1, times, q, v, 0, 0, 0.0, end), run.divided_scene.simulation.tip
     )
-    posed.results = run.results | {
-        type(run).motions.name: {"pose": motion},
-        type(run).contact_stress.name: {"pose": {}},
-    }
+    posed = with_motions(run, {"pose": motion})
+    posed.results[type(run).contact_stress.name] = {"pose": {}}
     return posed

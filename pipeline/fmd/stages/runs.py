@@ -20,6 +20,7 @@ from fmd.dynamics.excited_modes import excited_part
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import Integrator, Trajectory
 from fmd.integrators.side_by_side import time_by_turns
+from fmd.recovery.deformation import Deformation, measure_deformation
 from fmd.scene.run_table import SubCycledRun
 from fmd.stability.limits import longest_safe_step
 from fmd.stages.buckling import StiffnessChange, find_changes, require_unbuckled
@@ -385,3 +386,11 @@ def march_finely(built: Pipeline) -> Motion:
     plan = repeat_choice(next(iter(built.plans.values())), built.motion.trajectory)
     march = known_marches(built).pop(FINE) if FINE in known_marches(built) else plan.march(times)
     return built.motion_by(plan, march)
+
+
+def measure_deformations(run: Pipeline) -> Mapping[str, Deformation]:
+    """Return the rotations and strains of each part over the first run's motion."""
+    return {
+        name: measure_deformation(part.deformation_shapes, run.bodies[name], run.motion.modal(name))
+        for name, part in run.parts.items()
+    }

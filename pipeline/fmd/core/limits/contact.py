@@ -70,8 +70,8 @@ RIGID_BESIDE = 10.0  # times the E of a face of elements: what is stiffer takes 
 BETWEEN_NODES = 0.2  # of a radius: elements between whose nodes a ball goes deeper by less of its radius than that
 PLACES_ON_SURFACE = 4.0  # to a rigid surface's radius, or a box's least extent: where depths are looked for
 PLACES_ON_SIDE = 8, 100  # of a triangle: least and most of these places
-BETWEEN_OUTPUTS = 0.1  # of the largest force: what output times may miss of it without a warning
-PEAK_TIMES = 1000  # steps between two output times, among which the largest pressure is looked for to be drawn
+BETWEEN_OUTPUTS = 0.01  # of the largest force or pressure: more that is between output times makes instants there
+SHOCK_TIMES = 1000  # instants between output times, spread over where contacts press most there
 DEPTH_FRAMES = 120  # output times at which depths between nodes are looked for
 
 # Contact of two bodies.

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import Array, IntArray
+from fmd.output.instants import choose_instants, find_worst
 from fmd.output.mechanism_view import view_mechanism
-from fmd.recovery.stress import choose_frames
 from fmd.render.camera import Camera
 from fmd.render.colours import FILM_RANGES, UNCOLOURED, film_limits, sample_colours, stress_limits
 
@@ -35,23 +34,21 @@ def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
     result is as of `describe_mechanism`, with the number of the worst instant's frame, and ``spans`` [MPa], the limits
     that the colours can have in each frame, by their names in `film_limits`.
     """
-    times = run.motion.times
     meshed = [name for name, part in run.wholes.items() if part.is_drawn]
-    worst = {name: run.stress_of(name).worst() for name in meshed}
-    first = max(meshed, key=lambda name: worst[name][2]) if meshed else None
-    at_worst = 0 if first is None else int(np.searchsorted(times, worst[first][0]))
+    first, at_worst, largest = find_worst(run, meshed) if meshed else ("", 0, 0.0)
     n_points = sum(len(run.wholes[name].surface.nodes) for name in meshed)
     n_frames = _MOST_BYTES // max(_BYTES_A_POINT * n_points, 1)
-    chosen = choose_frames(len(times), int(np.clip(n_frames, _LEAST_FRAMES, _MOST_FRAMES)))
+    chosen = choose_instants(run, int(np.clip(n_frames, _LEAST_FRAMES, _MOST_FRAMES)), meshed)
     chosen = np.union1d(chosen, [at_worst])
-    moving = view_mechanism(run, chosen, scale=scale)
+    moving = view_mechanism(run.at_instants, chosen, scale=scale)
+    shown = int(np.searchsorted(chosen, at_worst))
     stresses = [body.stress for body in moving.bodies if body.stress is not None]
     stress = np.concatenate(stresses, axis=1) if stresses else np.zeros((len(chosen), 1))
     return describe_mechanism(moving, camera, scale, stress_limits(stress)) | {
         "clocks": [moving.clock(frame) for frame in range(len(chosen))],
         "spans": {span: (film_limits(stress, span) * 1e-6).tolist() for span in FILM_RANGES} if stresses else {},
-        "frame": int(np.searchsorted(chosen, at_worst)),
-        "worst": _describe_worst(first, worst),
+        "frame": shown,
+        "worst": {"body": first, "time": float(moving.times[shown]), "largest": largest * 1e-6} if meshed else None,
     }
 
 
@@ -86,13 +83,6 @@ def describe_mechanism(
         "scale": scale,
         "showEdges": n_edges <= _MOST_EDGES,
     }
-
-
-def _describe_worst(body: str | None, worst: Mapping[str, tuple[float, int, float]]) -> dict[str, Any] | None:
-    if body is None:
-        return None
-    time, _, largest = worst[body]
-    return {"body": body, "time": time, "largest": largest * 1e-6}
 
 
 def _flexible(body: MovingBody, limits: tuple[float, float]) -> dict[str, Any]:
