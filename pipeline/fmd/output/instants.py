@@ -1,4 +1,4 @@
-"""Which instants are shown of a motion: some of its output times, and that of the largest stress also between these."""
+"""Choice of the instants of a motion to show: some output times, and that of the largest stress also between these."""
 
 from __future__ import annotations
 
