@@ -136,8 +136,10 @@ def test_more_modes_are_sought_beside_known_ones(
     solver = FreeBodySolver(slender_bar)
     few, many = solver.modes(9, B), solver.modes(16, B)
     sought: list[int] = []
-    lanczos = solver._lanczos
-    monkeypatch.setattr(solver, "_lanczos", lambda count, *given: (sought.append(count), lanczos(count, *given))[1])
+    lanczos = solver._block_lanczos
+    monkeypatch.setattr(
+        solver, "_block_lanczos", lambda count, *given: (sought.append(count), lanczos(count, *given))[1]
+    )
     found = solver.modes(16, B, few)
     assert solver.modes(9, B, few) is few
     assert sought == [7]

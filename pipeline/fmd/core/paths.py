@@ -25,6 +25,7 @@ KERNEL_SOURCES = (
     "fmd/integrators",
     "fmd/recovery/kernels",
     "fmd/core/newton.py",
+    "fmd/fem/products.py",
     "fmd/reduction/factor",
 )
 """Folders and files whose sources kernels are compiled from."""

@@ -13,6 +13,7 @@ from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms
 from fmd.fem.joined import AnySpace
 from fmd.fem.material import AnyMaterial
+from fmd.fem.products import SparseProducts
 from fmd.fem.space import Discretisation
 from fmd.fem.strain import elastic_forces
 
@@ -58,7 +59,7 @@ class FEModel:
 
     def forces(self, V: Array) -> Array:
         """Return ``K V`` of fields V (3 n_nodes, n), by strain where K's round-off counts and all of K is of strain."""
-        found = np.asarray(self.K @ V)
+        found = self.products @ V
         if self.strained:
             rounded = np.finfo(float).eps * np.einsum("i,ij,ij->j", self.diagonal, V, V)
             lost = ~(rounded < ROUNDED_ENERGY * np.einsum("ij,ij->j", V, found))
@@ -86,6 +87,11 @@ class FEModel:
     def mass(self) -> float:
         """Total mass [kg]."""
         return float(self.m.sum())
+
+    @cached_property
+    def products(self) -> SparseProducts:
+        """Products of K with many fields."""
+        return SparseProducts(self.K)
 
     @cached_property
     def diagonal(self) -> Array:

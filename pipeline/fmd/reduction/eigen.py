@@ -31,6 +31,7 @@ from fmd.core.limits.modes import (
     ZERO_EIGENVALUE,
 )
 from fmd.core.progress import Advance
+from fmd.fem.products import SparseProducts
 from fmd.reduction.block_lanczos import largest_pairs
 from fmd.reduction.factor.factor import Factor, factorise, refuse_large_search, refuse_too_large
 from fmd.reduction.free_motions import count_pieces, wrong_count
@@ -99,6 +100,8 @@ class FreeBodySolver:
         if self._T is not None:
             self._K, self._M = (sp.csr_array(self._T.T @ A @ self._T) for A in (fe.K, fe.M))
             self._R = _unknowns_of(self._R, self._T)
+        self._products = fe.products if self._T is None else SparseProducts(self._K)
+        self._mass_products = SparseProducts(self._M)
         self.bound = self._lowest_bound() if self.rigid_modes.shape[1] else 0.0
         self.shift = -self._part * self.bound
         self._factor = self._shifted_factor()
@@ -180,7 +183,7 @@ class FreeBodySolver:
         """
         self._advance(0.0)
         given = self._inverse, self._loads(f), self._advance, self._forces
-        return self._nodal(solve_balanced(self._K, self._M, self._R, *given))
+        return self._nodal(solve_balanced(self._products, self._mass_products, self._R, *given))
 
     def flexibility(self, nodes: IntArray) -> Array:
         """Return displacements of nodes by unit forces, ``Bᵀ K⁺ B`` (3 n, 3 n) [m/N], K⁺ `static_response`."""
@@ -297,7 +300,9 @@ class FreeBodySolver:
             values, Phi = values[lowest], Phi[:, lowest]
             known = np.concatenate([Z, Phi], axis=1)
             apart = np.concatenate([known, near], axis=1)
-            missed = missed_eigenvalue(self._M, apart, inverse, self.shift, values.max(), self._factor.at_once)
+            missed = missed_eigenvalue(
+                self._mass_products, apart, inverse, self.shift, values.max(), self._factor.at_once
+            )
             if missed is None and len(values) == count:
                 return values, Phi
             hertz = np.sqrt(max(missed or values.max(), 0.0)) / 2 / np.pi
@@ -327,7 +332,8 @@ class FreeBodySolver:
         block = self._factor.at_once
         size = max(n_vectors, count + BASIS_BLOCKS * block)
         start = np.random.default_rng(seed).standard_normal((len(Z), block))
-        theta, Phi, near = largest_pairs(self._counted(inverse, 2 * size / block), self._M, Z, count, size, start)
+        solve = self._counted(inverse, 2 * size / block)
+        theta, Phi, near = largest_pairs(solve, self._mass_products, Z, count, size, start)
         return 1.0 / theta + self.shift, Phi, near
 
     def _counted(self, inverse: Inverse, expected: float) -> Inverse:

@@ -110,7 +110,7 @@ def enrich_modes(
         if not generation:
             first = U.shape[1]
     U = basis[:, Phi.shape[1] :]
-    K = U.T @ (fe.K @ U)
+    K = U.T @ (fe.products @ U)
     softest = eigh(K[:first, :first], eigvals_only=True)[:1].min(initial=np.inf)
     omega2, turn = eigh(K)
     U, n = U @ turn[:, omega2 >= SOFTER**2 * softest], Phi.shape[1]

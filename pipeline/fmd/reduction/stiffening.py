@@ -128,7 +128,7 @@ class _Support:
         out = np.zeros((flat.shape[1], self._shapes.shape[2], self._shapes.shape[2]))
         entries = max(ENTRIES_AT_ONCE, FEW_ENTRIES // max(1, self._shapes.shape[0]))
         at_a_time = max(1, entries // self._fe.local_pairs)
-        by_elements = self._fe.K @ u.reshape(len(rest), -1)
+        by_elements = self._fe.products @ u.reshape(len(rest), -1)
         strained = np.flatnonzero(np.abs(by_elements).max(axis=0) > SOLVED * np.abs(flat[:, felt]).max(axis=0))
         for first in range(0, len(strained) if elements else 0, at_a_time):
             advance(SOLVING + (1.0 - SOLVING) * first / len(strained))
