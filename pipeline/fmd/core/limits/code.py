@@ -20,6 +20,10 @@ MOST_COPIED = 32  # vector registers that a function copies to or from the parts
 MOST_ON_STACK = 1 << 19  # doubles between a program's parts: half of the 8 MB that a thread's stack has
 STANDING = (*STRUCTURAL, 0.5)  # numbers that stand in shared code: as an exponent, 0.5 is a square root
 
+# Kept code.
+FIRST_CONSTANT = 2.0  # number that stands for the first constant; those that stand for themselves are smaller
+BYTES_OF_COUNT = 8  # that say how many constants kept code reads
+
 # Products.
 UNROLLED = 16  # columns up to which a matrix is multiplied without a loop, its columns in the code
 ACCUMULATORS = 8  # vector registers that a product sums in: enough to hide the latency of ``fma``

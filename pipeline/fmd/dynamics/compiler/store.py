@@ -1,4 +1,4 @@
-"""Compiled programs on disk: an object file for each structure of a graph, and the constants of each program.
+"""Compiled programs on disk: an object file for each structure of a program, and the constants of each program.
 
 A program whose graph differs from another's in constants alone needs no compiling: the code is read for both, and has
 an array of constants of its own in each copy that is loaded.
@@ -11,11 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fmd.core.limits.code import LONG_EFFORT, LONG_PROGRAM, MOST_EFFORT
+from fmd.core.arrays import Array
+from fmd.core.limits.code import BYTES_OF_COUNT, LONG_EFFORT, LONG_PROGRAM, MOST_EFFORT
 from fmd.core.limits.memory import MOST_LOADED
 from fmd.core.paths import kernel_folder
 from fmd.core.recently_used import RecentlyUsed
 from fmd.dynamics.compiler.program import Program
+from fmd.dynamics.compiler.structure import number_constants, place_constants, split_constants
 from fmd.kernels.machine import (
     DIGEST_BYTES,
     LoadedObject,
@@ -41,28 +43,38 @@ def load_program(name: str, digest: str, trace: Callable[[], Program]) -> Loaded
 
 
 def _read_program(name: str, path: Path) -> LoadedObject | None:
-    """Return a program whose constants are kept in a file, with the digest of its code before them."""
+    """Return a program whose constants are kept in a file, with the digest of its structure before them."""
     kept = read_code(path)
     content = None if kept is None else read_code(object_path(name, kept[:DIGEST_BYTES]))
     if kept is None or content is None:
         return None
-    return LoadedObject(content, np.frombuffer(kept[DIGEST_BYTES:]))
+    return LoadedObject(_split_code(content)[1], np.frombuffer(kept[DIGEST_BYTES:]))
 
 
 def _make_program(name: str, path: Path, trace: Callable[[], Program]) -> LoadedObject:
-    """Trace a program, compile its code unless a program of the same structure has been, and keep both."""
-    from fmd.dynamics.compiler.llvm import emit
-
+    """Trace a program, write and compile its code unless a program of the same structure has been, and keep both."""
     program = trace()
-    source, constants = emit(program, register_width())
-    digest = digest_of(source.encode())
+    structure, own = split_constants(program)
+    digest = digest_of(structure)
     of_code = object_path(name, digest)
     content = read_code(of_code)
     if content is None:
-        content = compile_object(source, effort=_effort(program))
+        from fmd.dynamics.compiler.llvm import emit
+
+        source, places = emit(number_constants(program), register_width())
+        code = compile_object(source, effort=_effort(program))
+        content = len(places).to_bytes(BYTES_OF_COUNT, "little") + places.tobytes() + code
         write_code(of_code, content)
+    places, code = _split_code(content)
+    constants = place_constants(places, own)
     write_code(path, digest + constants.tobytes())
-    return LoadedObject(content, constants)
+    return LoadedObject(code, constants)
+
+
+def _split_code(content: bytes) -> tuple[Array, bytes]:
+    """Split kept code into the numbers of the constants at their places, and the object file."""
+    end = BYTES_OF_COUNT + np.dtype(float).itemsize * int.from_bytes(content[:BYTES_OF_COUNT], "little")
+    return np.frombuffer(content[BYTES_OF_COUNT:end]), content[end:]
 
 
 def _effort(program: Program) -> int:
