@@ -105,6 +105,8 @@ def test_pictures_films_and_the_report_show_the_instant_of_the_shock(coarse: Pip
     assert np.abs(deformation).max() > 0.0
     assert len(moving.times) == 6
     assert time in moving.times
+    clocks = [moving.clock(frame).rpartition("= ")[2] for frame in range(6)]
+    assert clocks == ["0 ms", "8 ms", "16 ms", "24 ms", "31.7 ms", "32.0 ms"]
     assert np.max(of_film["clim_pa"]) == pytest.approx(value, rel=1e-12)
     view = collect_view(coarse, 1.0, Camera())
     assert view["worst"] == {"body": "plate", "time": time, "largest": pytest.approx(1e-6 * value)}

@@ -97,7 +97,8 @@ class MovingMechanism:
         """Return a frame's note and time, in a unit and with digits that tell the frames apart."""
         span, steps = float(np.ptp(self.times)), max(len(self.times) - 1, 1)
         factor, unit = (1e3, "ms") if max(span, float(self.times[-1])) < 1.0 else (1.0, "s")
-        step = factor * span / steps
+        nearest = float(np.diff(self.times)[max(frame - 1, 0) : frame + 1].min(initial=np.inf))
+        step = factor * (nearest if nearest < 0.5 * span / steps else span / steps)  # of one between those of a film
         digits = int(np.clip(np.ceil(-np.log10(step)), 0, 6)) if step > 0 else 1
         note = self.notes[frame] if self.notes else ""
         return f"{note}   t = {factor * self.times[frame]:.{digits}f} {unit}".strip()
