@@ -10,6 +10,7 @@ from scipy.optimize import nnls
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.fem.markers import Marker
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.protocol import evaluate
 from fmd.output.contact_faults import start_faults
 from fmd.output.contacts import contact_warnings
@@ -140,6 +141,56 @@ def test_an_implicit_method_passes_where_points_beside_static_responses_begin_to
     implicit, explicit = found
     np.testing.assert_allclose(implicit[:2], explicit[:2], rtol=0.01)
     assert implicit[2] == pytest.approx(explicit[2], rel=0.03)
+
+
+def shaken_block(force: float, frequency: float, duration: float, **run: Any) -> Pipeline:
+    """Return the block with static responses, pressed on a wall by 20 kN and shaken along it at a node [N, Hz, s]."""
+    body = BLOCK["body"]["block"] | {"support": [{"face": "x-"}], "modes": {"count": 8, "enrich": "inertia"}}
+    body["marker"] = body["marker"] | {"end": {"face": "x+"}, "root": {"face": "x-"}, "spot": {"at": SPOT}}
+    load = {"formula": f"{force}*sin(2*pi*{frequency}*t)", "unit": "N"}
+    drives = force_on("end", "20 kN", [1, 0, 0])["drive"] | {
+        "shaken": force_on("spot", load, [0, 1, 0])["drive"]["load"]
+    }
+    contact = {"between": ["ground.wall", "block.end"], "normal": [-1, 0, 0], "friction": 0.3}
+    more = {"gravity": [0, 0, 0], "tip": "block.end", "start": "equilibrium", "duration": duration, "output_step": 2e-5}
+    simulation = BLOCK["simulation"] | more | {"run": [BLOCK["simulation"]["run"][0] | run]}
+    return cantilever(body={"block": body}, drive=drives, contact={"wall": contact}, simulation=simulation)
+
+
+def test_friction_of_stiff_points_has_one_force_for_a_step_where_it_has_several_for_its_positions() -> None:
+    """Forces from positions alone went to and fro between two that suit them, 40 % apart, whatever the step."""
+    found = list[Array]()
+    for step in (1e-6, 2.5e-7):
+        run = shaken_block(4000.0, 12e3, 2e-4, integrator="generalized-alpha", step=step, rho=0)
+        own = run.motion.contacts["wall"]
+        assert own.lost_part(run.motion.energies[0]) < 0.01
+        assert own.impulse[-1, 0] == pytest.approx(-20e3 * 2e-4, rel=0.02)
+        found.append(np.append(own.impulse[-1, :2], own.friction_work[-1]))
+    np.testing.assert_allclose(found[0][::2], found[1][::2], rtol=0.02)
+
+
+def test_forces_found_for_a_step_as_a_whole_deflect_its_points_by_their_own_flexibility_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What they move modes by is in the positions; closed points stand on the wall."""
+    steps, tables = GeneralizedAlpha.steps, list[Any]()
+
+    def keep(method: GeneralizedAlpha, system: Any, p: Any, *rest: Any) -> Any:
+        tables.append(p.contact)
+        return steps(method, system, p, *rest)
+
+    monkeypatch.setattr(GeneralizedAlpha, "steps", keep)
+    run = shaken_block(4000.0, 12e3, 1e-4, integrator="generalized-alpha", step=1e-6, rho=0)
+    assert run.motion.contacts["wall"].friction_work[-1] > 0.0
+    c, G = tables[-1], run.parts["block"].contact_points.G
+    moved = np.einsum("iajb,jb->ia", G, c.own)
+    np.testing.assert_allclose(c.moved, moved, atol=1e-9 * np.abs(moved).max())
+    gaps = c.free[:, 0] + np.einsum("ik,ik->i", c.turned[:, 0], c.moved)
+    pressed = c.force[:, 0] > 0.0
+    assert pressed.any()
+    np.testing.assert_allclose(gaps[pressed], 0.0, atol=1e-9 * np.abs(moved).max())
+    assert (gaps > -1e-9 * np.abs(moved).max()).all()
+    assert (np.hypot(c.force[:, 1], c.force[:, 2]) <= 0.3 * c.force[:, 0] * (1.0 + 1e-9)).all()
 
 
 def test_a_contact_that_presses_within_its_own_vibration_presses_from_the_start() -> None:

@@ -14,11 +14,12 @@ from fmd.contact.damping import relax_points, repeats_step, soften_gaps
 from fmd.contact.friction_forces import find_friction_forces
 from fmd.contact.normal_forces import find_normal_forces
 from fmd.contact.places import place_surface
-from fmd.contact.pushes import push_bodies
+from fmd.contact.pushes import place_force, push_at_point, push_bodies
 from fmd.contact.round_points import press_round_points
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
 from fmd.core.limits.contact import BANDS, ROUNDED_PLACE
+from fmd.kernels.arrays import clear
 from fmd.kernels.kernel import inner
 
 
@@ -26,14 +27,7 @@ from fmd.kernels.kernel import inner
 def touch(c: ContactTable, t: float, q: Array, origins: Array, rotations: Array) -> None:
     """Find the forces on all points at a time t and positions q, with the bodies' frames; nothing is remembered."""
     c.clock[1] = 0.0
-    c.state[0] += 1
-    for k in range(c.modal.size):
-        c.modal[k] = 0.0
-    for link in range(c.push.shape[0]):
-        for k in range(6):
-            c.push[link, k] = 0.0
-    for s in range(c.slave.size):
-        place_surface(c, s, q, origins, rotations)
+    _place_all(c, q, origins, rotations)
     for g in range(c.noise.size):
         for i in range(c.group[g], c.group[g + 1]):
             for a in range(3):
@@ -55,6 +49,38 @@ def touch(c: ContactTable, t: float, q: Array, origins: Array, rotations: Array)
             relax_points(c, g)
         if touches:
             push_bodies(c, g, q, origins, rotations)
+
+
+@inner
+def _place_all(c: ContactTable, q: Array, origins: Array, rotations: Array) -> None:
+    """Begin a state: find where all points stand at positions q, and let nothing push bodies."""
+    c.state[0] += 1
+    clear(c.modal)
+    for link in range(c.push.shape[0]):
+        clear(c.push[link])
+    for s in range(c.slave.size):
+        place_surface(c, s, q, origins, rotations)
+
+
+@inner
+def press_with(c: ContactTable, found: ContactTable, moves: Array, q: Array, origins: Array, rotations: Array) -> None:
+    """Press points before planes with forces found by a table whose points gave way by moves of modes (n,), too.
+
+    By these the points stand elsewhere at positions q: what is left of their displacements is beside the modes.
+    """
+    _place_all(c, q, origins, rotations)
+    for i in range(c.node.size):
+        body, k = c.slave[c.surface[i]], c.node[i]
+        for a in range(3):
+            c.force[i, a], c.viscous[i, a], c.moved[i, a] = found.force[i, a], found.viscous[i, a], 0.0
+            if found.slot[i] >= 0:
+                c.moved[i, a] = found.moved[i, a]
+                for m in range(c.n_modes[body]):
+                    c.moved[i, a] -= c.shapes[k, a, m] * moves[c.mode[body, m]]
+        _set_own(c, i)
+        if c.force[i, 0] != 0.0:
+            place_force(c, i, 1.0, rotations[c.link[body]])
+            push_at_point(c, i, origins, rotations)
 
 
 @inner

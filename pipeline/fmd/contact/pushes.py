@@ -18,7 +18,7 @@ def push_bodies(c: ContactTable, g: int, q: Array, origins: Array, rotations: Ar
         i = c.chosen[c.group[g] + own]
         if c.force[i, 0] != 0.0:
             if c.rounded[c.surface[i]] == 0:
-                _place_force(c, g, own, rotations[c.link[c.slave[c.surface[i]]]])
+                place_force(c, i, _moving_share(c, g, own), rotations[c.link[c.slave[c.surface[i]]]])
             push_at_point(c, i, origins, rotations)
 
 
@@ -40,16 +40,22 @@ def push_at_point(c: ContactTable, i: int, origins: Array, rotations: Array) -> 
 
 
 @inner
-def _place_force(c: ContactTable, g: int, own: int, R: Array) -> None:
-    """Find where the force on a chosen point acts; R turns its body into space."""
-    i, moving = c.chosen[c.group[g] + own], 1.0
-    s, k = c.surface[i], c.node[i]
-    if c.master[s] >= 0:
-        at, r, m = c.first_entry[g, 0] + 3 * own * (c.stride[g] + 1), c.row[k], c.column[k]
-        whole = c.D[at] + c.D[at + c.stride[g] + 1] + c.D[at + 2 * c.stride[g] + 2]
-        moving = (c.G[r, m, 0, 0] + c.G[r, m, 1, 1] + c.G[r, m, 2, 2]) / whole
+def _moving_share(c: ContactTable, g: int, own: int) -> float:
+    """Return the part of the displacement against what a chosen point touches that is its own."""
+    i = c.chosen[c.group[g] + own]
+    if c.master[c.surface[i]] < 0:
+        return 1.0
+    k, at = c.node[i], c.first_entry[g, 0] + 3 * own * (c.stride[g] + 1)
+    r, m = c.row[k], c.column[k]
+    whole = c.D[at] + c.D[at + c.stride[g] + 1] + c.D[at + 2 * c.stride[g] + 2]
+    return float((c.G[r, m, 0, 0] + c.G[r, m, 1, 1] + c.G[r, m, 2, 2]) / whole)
+
+
+@inner
+def place_force(c: ContactTable, i: int, moving: float, R: Array) -> None:
+    """Find where the force on a point acts, of whose displacement a part is its own; R turns its body into space."""
     for a in range(3):
-        c.at[i, a] = c.place[k, a]
+        c.at[i, a] = c.place[c.node[i], a]
         for b in range(3):
             c.at[i, a] += moving * R[a, b] * c.moved[i, b]
 

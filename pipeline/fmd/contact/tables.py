@@ -9,6 +9,11 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.contact import MOST_POINTS, ROUNDED_PLACE
 from fmd.kernels.table import Table
 
+_LAST = "known", "tip", "before", "slid", "moved_then", "elastic_then", "viscous_then", "seen"
+_OF_ROUND = "dent_then", "drag_then", "tangent_then", "touched_then", "gap_then", "speed_then", "soft_then"
+REMEMBERED = (*_LAST, *_OF_ROUND, "frame_then", "sums", "worn", "clock", "height")
+"""What contacts remember of the last step."""
+
 
 @dataclass(frozen=True)
 class ContactTable(Table):
@@ -248,19 +253,7 @@ class ContactTable(Table):
 
     @property
     def _remembered(self) -> tuple[Array | IntArray, ...]:
-        last = self.known, self.tip, self.before, self.slid, self.moved_then, self.elastic_then, self.viscous_then
-        of_round = self.dent_then, self.drag_then, self.tangent_then, self.touched_then, self.gap_then, self.speed_then
-        return (
-            *last,
-            *of_round,
-            self.soft_then,
-            self.frame_then,
-            self.sums,
-            self.worn,
-            self.clock,
-            self.height,
-            self.seen,
-        )
+        return tuple(getattr(self, name) for name in REMEMBERED)
 
     @property
     def _ends(self) -> IntArray:

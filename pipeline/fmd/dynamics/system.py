@@ -74,6 +74,27 @@ def note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
 
 @singledispatch
 @inlined
+def answer_contacts(ahead: Any, p: Any, t: float, q: Array, v: Array, answer: Array) -> bool:
+    """Find what contacts add to the accelerations of a step's end, at which q and v are without that; false without."""
+    return False
+
+
+@singledispatch
+@inlined
+def accelerate_answered(ahead: Any, p: Any, t: float, q: Array, v: Array, a: Array) -> None:
+    """Evaluate `accelerations` at a step's end, with the forces of contacts that `answer_contacts` has found last."""
+    accelerations(p, t, q, v, a)
+
+
+@singledispatch
+@inlined
+def remember_answered(ahead: Any, p: Any, t: float, q: Array, v: Array) -> None:
+    """Let contacts remember a step's end as `remember_contacts` does, with the forces found by `answer_contacts`."""
+    remember_contacts(p, t, q, v)
+
+
+@singledispatch
+@inlined
 def remember_contacts(p: Any, t: float, q: Array, v: Array) -> None:
     """Let a mechanism's contacts remember the end of a step, from which friction and damping go on."""
 
@@ -208,6 +229,13 @@ class PlainSystem(Protocol):
     def answers_to_contact(self: Any) -> Array:
         """Largest acceleration of each rate by a unit force on a point of a contact, (n,); none without contacts."""
         return np.zeros(0)
+
+    def contacts_ahead(self, p: Any, step: float, to_position: float, to_rate: float) -> Any:
+        """Return contacts whose points give way by what forces move over a step, by `answer_contacts`; 0 without.
+
+        An acceleration at the step's end moves positions by ``to_position`` [s²] and rates by ``to_rate`` [s].
+        """
+        return 0
 
     @property
     def settles(self: Any) -> bool:

@@ -197,6 +197,7 @@ class FixedMarch:
     substeps: int = 1  # fast steps to a major cycle, which is never divided
     origin: float = 0.0  # time of step number 0 [s]
     own_memory: int = 0  # entries of a state's memory that are the method's own; contacts' follow
+    parameters: Any = None  # the system's, where the method's table has some of its arrays
 
     def run(
         self, start: State, times: Array, progress: Progress | None, contacts: Array | None = None
@@ -223,7 +224,8 @@ class FixedMarch:
         cursor = np.array([np.searchsorted(sample_step, state.step)])
         samples = Samples(asked, sample_step, sample_offset, q, v, noted, cursor)
         last = -(-(int(sample_step[-1]) + 1 - state.step) // substeps) * substeps + state.step
-        p, check = self.system.parameters, WorkCheck(self.system, self.origin, self.step, substeps)
+        p = self.parameters or self.system.parameters
+        check = WorkCheck(self.system, self.origin, self.step, substeps)
         touching = p.contact if self.system.n_contact_values else None
         if touching is not None and state.memory.size > self.own_memory:
             touching.recall(state.memory[self.own_memory :])

@@ -97,8 +97,9 @@ class GeneralizedAlpha(ResumableIntegrator):
         h, own, counts = self.step, system.motion.n, np.array([0.0, np.nan])
         contacts = np.full((times.size, system.n_contact_values), np.nan)
         try:
-            make = partial(self.steps, system, counts)
-            march = FixedMarch(self.name, make, system, 0, h, own_memory=own * own + 2)
+            p = system.parameters
+            make = partial(self.steps, system, p, counts)
+            march = FixedMarch(self.name, make, system, 0, h, own_memory=own * own + 2, parameters=p)
             end, q, v, seconds = march.run(start, times, progress, contacts)
         except StabilityError:
             if np.isnan(counts[1]):
@@ -106,15 +107,19 @@ class GeneralizedAlpha(ResumableIntegrator):
             raise no_convergence(self.name, counts[1], h, 0.5 * h) from None
         return Trajectory(self.name, h, 1, times, q, v, int(counts[0]), 0, seconds, end, contacts=contacts)
 
-    def steps(self, system: System, counts: Array, state: State) -> NewmarkSteps:
+    def steps(self, system: System, p: Any, counts: Array, state: State) -> NewmarkSteps:
         """Return the method's table for a state, into whose arrays it writes; ``counts`` (2,) are kept in it."""
         n, own = system.n, system.motion.n
         tangent, marks = state.memory[: own * own].reshape(own, own), state.memory[own * own : own * own + 2]
         alpha_m, alpha_f, beta, gamma = self.weights.tolist()
         begin = (state.q, state.v, state.a, tangent, marks, counts)
+        to_rate = self.step * gamma * (1.0 - alpha_f) / (1.0 - alpha_m)
+        alone = system.motion is system
+        ahead = system.contacts_ahead(p, self.step, self.step * beta / gamma * to_rate, to_rate) if alone else 0
         newton = (*LEAST_PRESSED, 3) if system.motion.n_contact_values else (LEAST_MOVED, LEAST_MOVED, 2)
+        room = aligned(n, n, n, n, n, system.n_positions)
         return NewmarkSteps(
-            self.step, alpha_m, alpha_f, beta, gamma, *newton, *begin, *aligned(n, n, n, n, n, n, system.n_positions)
+            self.step, alpha_m, alpha_f, beta, gamma, *newton, *begin, *aligned(n, n, n, n), ahead, *room
         )
 
 
@@ -146,8 +151,9 @@ def _sample_within(m: NewmarkSteps, p: Any, done: int, s: float, q: Array, v: Ar
     """Interpolate the state: cubic in time, along the mean rates."""
     n, x = v.size, s / m.h
     for i in range(n):
-        v[i] = m.v[i] + s * (m.a[n + i] + 0.5 * x * (m.new[i] - m.a[n + i]))
-        m.mean[i] = m.v[i] + s * (0.5 * m.a[n + i] + x * (m.new[i] - m.a[n + i]) / 6.0)
+        change = m.new[i] + m.answer[i] - m.a[n + i]
+        v[i] = m.v[i] + s * (m.a[n + i] + 0.5 * x * change)
+        m.mean[i] = m.v[i] + s * (0.5 * m.a[n + i] + x * change / 6.0)
     copy(m.q, q)
     advance(p, q, m.mean, s, 0, n)
 

@@ -239,7 +239,7 @@ def _take_march_back(method: GeneralizedAlpha, march: WeightedMarch, sums: Sums)
     start = [np.array(x) for x in (march.q0, march.v0, state.a[: system.n])]
 
     def keep(state: State, first: int, count: int) -> None:
-        done = _keep_steps(method.steps(system, counts, state), p, b, first, count)
+        done = _keep_steps(method.steps(system, p, counts, state), p, b, first, count)
         if done < count:
             at = f"t = {(first + done) * method.step:.6g} s"
             raise AccuracyError(f"{method.name}: the step at {at} was not found; take a smaller step")

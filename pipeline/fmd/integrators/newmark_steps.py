@@ -22,8 +22,8 @@ from fmd.core.limits.newton import (
 )
 from fmd.core.newton import settles
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.system import accelerations, advance, project, remember_contacts
-from fmd.kernels.arrays import copy
+from fmd.dynamics.system import accelerate_answered, advance, answer_contacts, project, remember_answered
+from fmd.kernels.arrays import clear, copy
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.table import Table
 
@@ -52,6 +52,10 @@ class NewmarkSteps(Table):
     found: Array
     shifted: Array
     base: Array
+    ahead: Any  # contacts whose points give way by all that their forces move over a step; 0 without
+    answer: Array  # (n,): accelerations by these forces, which trial ones are without
+    answer_base: Array  # where the tangent is differentiated, and at the last step
+    answer_then: Array
     v_new: Array  # rates at the step's end, and those that move the positions there
     mean: Array
     q_new: Array  # positions at the step's end
@@ -92,16 +96,30 @@ def solve_part(A: Array, x: Array, first: int, apart: int) -> None:
 
 @inner
 def _evaluate_end(m: NewmarkSteps, p: Any, end: float, found: Array) -> None:
-    """Evaluate the accelerations at a step's ``end`` [s] for the trial ones."""
+    """Evaluate the accelerations at a step's ``end`` [s] for the trial ones.
+
+    Where surfaces touch, trial ones are without forces of contacts, which are found with all that they move over the
+    step: forces that follow from positions alone change by far more than these, and at states that nobody foresees.
+    """
+    clear(m.answer)
+    _move_to_trial(m, p)
+    if answer_contacts(m.ahead, p, end, m.q_new, m.v_new, m.answer):
+        _move_to_trial(m, p)
+    accelerate_answered(m.ahead, p, end, m.q_new, m.v_new, found)
+    m.counts[0] += 1
+
+
+@inner
+def _move_to_trial(m: NewmarkSteps, p: Any) -> None:
+    """Find rates and positions at a step's end for the trial accelerations and those by contacts."""
     n = m.v.size
     for i in range(n):
-        ahead = ((1.0 - m.alpha_f) * m.new[i] + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
+        new = m.new[i] + m.answer[i]
+        ahead = ((1.0 - m.alpha_f) * new + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
         m.mean[i] = m.v[i] + m.h * ((0.5 - m.beta) * m.a[i] + m.beta * ahead)
         m.v_new[i] = m.v[i] + m.h * ((1.0 - m.gamma) * m.a[i] + m.gamma * ahead)
     copy(m.q, m.q_new)
     advance(p, m.q_new, m.mean, m.h, 0, n)
-    accelerations(p, end, m.q_new, m.v_new, found)
-    m.counts[0] += 1
 
 
 @inner
@@ -110,7 +128,7 @@ def find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
     n = m.v.size
     for trial in range(m.trials):  # a loop, since calls with constants would be compiled each
         for i in range(n):
-            m.new[i] = m.a[n + i]
+            m.new[i] = m.a[n + i] - m.answer_then[i]
             if trial == m.trials - 1:
                 # The last accelerations, frozen over a long step, carry a stiff coordinate far out to where no tangent
                 # is of use.
@@ -132,6 +150,7 @@ def _renew_tangent(m: NewmarkSteps, p: Any, end: float, least: float) -> None:
     n, size = m.tangent.shape[0], VANISHED
     to_position = m.h * m.h * m.beta * (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
     copy(m.found, m.base)
+    copy(m.answer, m.answer_base)
     for i in range(n):
         size = max(size, abs(m.found[i]), abs(m.new[i]), abs(m.a[i]), OF_GUESS * abs(m.a[m.v.size + i]))
     for j in range(n):
@@ -141,10 +160,12 @@ def _renew_tangent(m: NewmarkSteps, p: Any, end: float, least: float) -> None:
         _evaluate_end(m, p, end, m.shifted)
         m.new[j] = keep
         for i in range(n):
-            m.tangent[i, j] = (1.0 if i == j else 0.0) - (m.shifted[i] - m.base[i]) / nudge
+            answered = m.answer[i] - m.answer_base[i]
+            m.tangent[i, j] = (1.0 if i == j else 0.0) - (m.shifted[i] - m.base[i] - answered) / nudge
     factor_tangent(m.tangent)
     m.marks[0] = 1.0
     copy(m.base, m.found)
+    copy(m.answer_base, m.answer)
 
 
 @inner
@@ -168,7 +189,7 @@ def _converges(m: NewmarkSteps, p: Any, end: float, trial: int) -> bool:
             _renew_tangent(m, p, end, m.nudge if trial == 0 else m.finest)
         left = 0.0
         for i in range(n):
-            left = max(left, abs(m.found[i] - m.new[i]))
+            left = max(left, abs(m.found[i] - m.new[i] - m.answer[i]))
         _correct(m)
         for i in range(n):
             if not (abs(m.found[i]) <= largest or math.isnan(largest)):  # keeps a NaN, which max would lose
@@ -203,7 +224,7 @@ def _shorten(m: NewmarkSteps, p: Any, end: float) -> None:
         _evaluate_end(m, p, end, m.shifted)
         before, after = 0.0, 0.0
         for i in range(n):
-            m.shifted[i] -= m.new[i]
+            m.shifted[i] -= m.new[i] + m.answer[i]
         solve_part(m.tangent, m.shifted, 0, 1)
         for i in range(n):
             before += m.found[i] ** 2
@@ -219,7 +240,7 @@ def _shorten(m: NewmarkSteps, p: Any, end: float) -> None:
 def _correct(m: NewmarkSteps) -> None:
     """Correct the trial accelerations by those that the equations of motion give for them."""
     for i in range(m.v.size):
-        m.found[i] -= m.new[i]
+        m.found[i] -= m.new[i] + m.answer[i]
     _solve(m.tangent, m.found)
     for i in range(m.v.size):
         m.new[i] += m.found[i]
@@ -260,9 +281,10 @@ def move_to_end(m: NewmarkSteps, p: Any, end: float) -> None:
     """Move the state to a step's ``end`` [s], which has been found."""
     n = m.v.size
     for i in range(n):
-        m.a[i] = ((1.0 - m.alpha_f) * m.new[i] + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
-        m.a[n + i] = m.new[i]
+        new = m.new[i] + m.answer[i]
+        m.a[i] = ((1.0 - m.alpha_f) * new + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
+        m.a[n + i], m.answer_then[i] = new, m.answer[i]
         m.v[i] = m.v_new[i]
     copy(m.q_new, m.q)
     project(p, end, m.q, m.v)
-    remember_contacts(p, end, m.q, m.v)
+    remember_answered(m.ahead, p, end, m.q, m.v)

@@ -72,7 +72,7 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
                 text = (
                     f"contact.{name}: the steps made or lost {np.abs(own.energy_error).max():.3g} J by opening and "
                     f"closing, {100 * part:.2g} % of the largest of kinetic energy, energy stored in the contact, and "
-                    "its heat; shorter steps lose less"
+                    "its heat; shorter steps lose less, and rho = 0 of generalized-alpha"
                 )
                 found.append({"code": "contact-energy", "text": text})
         found += [{"code": "contact-grid", "text": text} for text in _grid_faults(motion)]

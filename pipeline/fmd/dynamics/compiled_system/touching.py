@@ -7,19 +7,20 @@ evaluates them once a step takes them as it takes a spring's. This module is loa
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from functools import cached_property
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, singledispatch
 from typing import Any
 
 import numpy as np
 
 from fmd.contact.approach import any_force, may_close, note_corners
 from fmd.contact.assemble import contact_table
-from fmd.contact.patch import touch
+from fmd.contact.patch import press_with, touch
 from fmd.contact.recorded import ContactRecord
 from fmd.contact.sums import copy_forces, evaluate_contacts, note_values, remember, replace_impulses
-from fmd.contact.tables import ContactTable
-from fmd.core.arrays import Array
+from fmd.contact.tables import REMEMBERED, ContactTable
+from fmd.contact.touching_body import TouchingBody
+from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.contact import SHOCK_STEPS
 from fmd.dynamics.compiled_system.closed import keep_closed
 from fmd.dynamics.compiled_system.kernels import set_inputs
@@ -27,18 +28,22 @@ from fmd.dynamics.compiled_system.parameters import ClosedParameters, CompiledPa
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.system import (
+    accelerate_answered,
     accelerations,
     advance,
+    answer_contacts,
     contact_forces,
     is_pressed,
     may_touch,
     note_contacts,
+    remember_answered,
     remember_contacts,
     remember_found,
     set_impulses,
 )
 from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import inner
+from fmd.kernels.table import Table
 from fmd.kernels.vectors import call_native
 
 
@@ -64,6 +69,20 @@ class TouchingParameters(Touching, TreeParameters):
 @dataclass(frozen=True)
 class TouchingClosedParameters(Touching, ClosedParameters):
     """Parameters of one with loops."""
+
+
+@dataclass(frozen=True)
+class ContactsAhead(Table):
+    """Contacts at a step's end at which their forces have moved no modes yet: points give way by all that these move.
+
+    Coulomb's law may have several forces for the same positions, and none of them for many. With what forces move in a
+    step it is one for the step as a whole.
+    """
+
+    contact: ContactTable  # whose points remember what the mechanism's do
+    moved: Array  # (n, n): accelerations of modes by unit forces on them
+    to_position: float  # from there to modal coordinates [s²]
+    moves: Array  # (n,): of modes by the forces found last
 
 
 # What of contacts depends on a scene's numbers, beside flexibilities: places, shapes, gaps and laws.
@@ -116,12 +135,38 @@ class TouchingSystem(CompiledSystem):
             found = np.maximum(found, np.abs(np.linalg.solve(self.mass_matrix(q), J.T)).max(axis=1, initial=0.0))
         return found
 
+    def contacts_ahead(self, p: Any, step: float, to_position: float, to_rate: float) -> ContactsAhead | int:
+        """Return contacts whose points give way by what their forces move modes in a step, too; 0 without.
+
+        They remember what those of a march's parameters p do. Faces before planes have them, whose places are linear in
+        the modes of their body; of so many points that their flexibility isn't whole, they haven't.
+        """
+        bodies, (M, K, C), moved = list[TouchingBody](), self.linear_matrices, np.zeros((self.n, self.n))
+        for body in self.mechanism.contacts:
+            if body.pairs or len(body.points.soft) or any(own.law for own in body.planes):
+                return 0
+            at = self.mechanism.modes_of(self.mechanism.number_of(body.body))
+            own, points = np.ix_(at, at), body.points
+            moved[own] = np.linalg.inv(M[own] + to_rate * C[own] + to_position * K[own])
+            damped = 1.0 + body.damping / step  # a damper's part is of both flexibilities
+            more = to_position * damped * np.einsum("iam,mn,jbn->iajb", points.shapes, moved[own], points.shapes)
+            bodies.append(replace(body, points=replace(points, G=points.G + more)))
+        shared = {name: getattr(p.contact, name) for name in (*REMEMBERED, "felt")}
+        found = replace(contact_table(bodies, *self._touching_places), **shared)
+        return ContactsAhead(found, moved, to_position, np.zeros(self.n))
+
+    @property
+    def _touching_places(self) -> tuple[list[int], list[IntArray], int, int, int]:
+        """Bodies that touch among the links, their modes, and how many links and rates there are, as tables ask."""
+        mechanism = self.mechanism
+        links = [mechanism.number_of(body.body) for body in mechanism.contacts]
+        modes = [mechanism.modes_of(k) for k in links]
+        return links, modes, len(mechanism.links), mechanism.n, mechanism.position_shift
+
     @cached_property
     def _parameters(self) -> Touching:
         plain = CompiledSystem(self.mechanism).parameters
         mechanism, n_links = self.mechanism, len(self.mechanism.links)
-        links = [mechanism.number_of(body.body) for body in mechanism.contacts]
-        modes, shift = [mechanism.modes_of(k) for k in links], mechanism.position_shift
         closed = isinstance(plain, ClosedParameters)
         kind: Any = TouchingClosedParameters if closed else TouchingParameters
         found: Touching = kind(
@@ -129,7 +174,7 @@ class TouchingSystem(CompiledSystem):
             pushed=self.compiled.address("pushed_closed" if closed else "pushed"),
             frames=self.compiled.address("frames"),
             felt=self.compiled.address("felt") if any(body.felt for body in mechanism.contacts) else 0,
-            contact=contact_table(mechanism.contacts, links, modes, n_links, mechanism.n, shift),
+            contact=contact_table(mechanism.contacts, *self._touching_places),
             origins=np.zeros((n_links, 3)),
             rotations=np.zeros((n_links, 3, 3)),
             spins=np.zeros((n_links, 3)),
@@ -191,10 +236,8 @@ class TouchingSystem(CompiledSystem):
 @inner
 def find_contacts(p: Any, t: float, q: Array, v: Array) -> None:
     """Find the forces of contacts at a state, and their pushes on frames and modes."""
-    set_inputs(p, float(t))
-    if p.contact.felt.size > 0:
-        call_native(p.felt, (p.inputs, q, v, p.contact.felt))
-    find_pressed(p, t, q, v)
+    _find_frames(p, t, q, v)
+    touch(p.contact, t, q, p.origins, p.rotations)
 
 
 @inner
@@ -204,16 +247,61 @@ def find_pressed(p: Any, t: float, q: Array, v: Array) -> None:
     touch(p.contact, t, q, p.origins, p.rotations)
 
 
-@accelerations.register(TouchingParameters)
-def _accelerations(p: TouchingParameters, t: float, q: Array, v: Array, a: Array) -> None:
+@inner
+def _find_frames(p: Any, t: float, q: Array, v: Array) -> None:
+    """Find the bodies' frames at a state, and forces on markers that points feel."""
+    set_inputs(p, float(t))
+    if p.contact.felt.size > 0:
+        call_native(p.felt, (p.inputs, q, v, p.contact.felt))
+    call_native(p.frames, (p.inputs, q, v, p.origins, p.rotations, p.spins))
+
+
+@answer_contacts.register(ContactsAhead)
+def _answer_contacts(ahead: ContactsAhead, p: Any, t: float, q: Array, v: Array, answer: Array) -> bool:
+    _find_frames(p, t, q, v)
+    touch(ahead.contact, t, q, p.origins, p.rotations)
+    for i in range(answer.size):
+        answer[i] = 0.0
+        for j in range(answer.size):
+            answer[i] += ahead.moved[i, j] * ahead.contact.modal[j]
+        ahead.moves[i] = ahead.to_position * answer[i]
+    return True
+
+
+@accelerate_answered.register(ContactsAhead)
+def _accelerate_answered(ahead: ContactsAhead, p: Any, t: float, q: Array, v: Array, a: Array) -> None:
+    _find_frames(p, t, q, v)
+    press_with(p.contact, ahead.contact, ahead.moves, q, p.origins, p.rotations)
+    _find_pushed(p, q, v, a)
+
+
+@remember_answered.register(ContactsAhead)
+def _remember_answered(ahead: ContactsAhead, p: Any, t: float, q: Array, v: Array) -> None:
+    _find_frames(p, t, q, v)
+    press_with(p.contact, ahead.contact, ahead.moves, q, p.origins, p.rotations)
+    remember(p.contact, t, p.origins, p.rotations)
+
+
+@accelerations.register(Touching)
+def _accelerations(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
     find_contacts(p, t, q, v)
+    _find_pushed(p, q, v, a)
+
+
+@singledispatch
+def _find_pushed(p: Any, q: Array, v: Array, a: Array) -> None:
+    """Find the accelerations with pushes that have been found; the first is infinite where no forces were."""
+    raise NotImplementedError
+
+
+@_find_pushed.register(TouchingParameters)
+def _find_pushed_tree(p: TouchingParameters, q: Array, v: Array, a: Array) -> None:
     call_native(p.pushed, (p.inputs, q, v, p.contact.push, p.contact.modal, a))
     _end_if_lost(p, a)
 
 
-@accelerations.register(TouchingClosedParameters)
-def _closed_accelerations(p: TouchingClosedParameters, t: float, q: Array, v: Array, a: Array) -> None:
-    find_contacts(p, t, q, v)
+@_find_pushed.register(TouchingClosedParameters)
+def _find_pushed_loops(p: TouchingClosedParameters, q: Array, v: Array, a: Array) -> None:
     push, modal = p.contact.push, p.contact.modal
     call_native(p.pushed, (p.inputs, q, v, p.units[0], push, modal, a, p.w, p.whole.x[0], p.whole.s[0]))
     keep_closed(p, q, a)
