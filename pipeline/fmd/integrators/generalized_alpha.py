@@ -112,15 +112,13 @@ class GeneralizedAlpha(ResumableIntegrator):
         n, own = system.n, system.motion.n
         tangent, marks = state.memory[: own * own].reshape(own, own), state.memory[own * own : own * own + 2]
         alpha_m, alpha_f, beta, gamma = self.weights.tolist()
-        begin = (state.q, state.v, state.a, tangent, marks, counts)
-        to_rate = self.step * gamma * (1.0 - alpha_f) / (1.0 - alpha_m)
-        alone = system.motion is system
-        ahead = system.contacts_ahead(p, self.step, self.step * beta / gamma * to_rate, to_rate) if alone else 0
+        to_rate, ahead = self.step * gamma * (1.0 - alpha_f) / (1.0 - alpha_m), 0
+        if system.motion is system:
+            ahead = system.contacts_ahead(p, self.step, self.step * beta / gamma * to_rate, to_rate)
+        begin: tuple[Any, ...] = (state.q, state.v, state.a, tangent, marks, counts, ahead)
         newton = (*LEAST_PRESSED, 3) if system.motion.n_contact_values else (LEAST_MOVED, LEAST_MOVED, 2)
-        room = aligned(n, n, n, n, n, system.n_positions)
-        return NewmarkSteps(
-            self.step, alpha_m, alpha_f, beta, gamma, *newton, *begin, *aligned(n, n, n, n), ahead, *room
-        )
+        room = aligned(*[n] * 9, system.n_positions)
+        return NewmarkSteps(self.step, alpha_m, alpha_f, beta, gamma, *newton, *begin, *room)
 
 
 def no_convergence(name: str, t: float, h: float, other: float) -> ConvergenceError:

@@ -48,11 +48,11 @@ class NewmarkSteps(Table):
     tangent: Array  # (n_own, n_own): factors of Newton's tangent, of the motion alone
     marks: Array  # (2,): 1 while the tangent is valid, and the largest acceleration so far
     counts: Array  # (2,): evaluations, and the time at which Newton's iteration failed, or NaN [s]
+    ahead: Any  # contacts whose points give way by all that their forces move over a step; 0 without
     new: Array  # (n,): trial accelerations, those that the equations of motion give for them, and room for the tangent
     found: Array
     shifted: Array
     base: Array
-    ahead: Any  # contacts whose points give way by all that their forces move over a step; 0 without
     answer: Array  # (n,): accelerations by these forces, which trial ones are without
     answer_base: Array  # where the tangent is differentiated, and at the last step
     answer_then: Array
