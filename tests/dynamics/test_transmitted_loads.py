@@ -15,6 +15,7 @@ from fmd.dynamics.transmitted_loads import (
     BodyLoads,
     geometric_stiffness_over,
     transmitted_loads,
+    transmitted_loads_of,
     without_negligible_terms,
 )
 from fmd.reduction.body import MarkerShapes
@@ -63,6 +64,20 @@ def test_joints_transmit_the_torques_that_drive_them() -> None:
     assert upper.joint[inside, 5] == pytest.approx(np.full(1991, 3.0), abs=2e-3)
     assert lower.joint[inside, 4] == pytest.approx(-0.7 - 5.0 * (q[inside, 1] - 0.3), abs=2e-3)
     assert lower.wrenches[0, :, 3:] == pytest.approx(np.tile([0.0, 0.24, 0.32], (2001, 1)))
+
+
+def test_loads_over_motions_that_are_looked_at_together_are_those_of_each() -> None:
+    links = [Link(name, ROD, REVOLUTE, k - 1, MarkerShapes(k * AT_END)) for k, name in enumerate(("upper", "lower"))]
+    links, times = [replace(links[0], parent=-1), replace(links[1], spring=3.0)], np.linspace(0.0, 1.0, 31)
+    stiff = Mechanism([links[0], replace(links[1], spring=40.0)])
+    motions = [
+        Kinematics(own, times, *np.stack([np.outer(np.sin(k * times), [1.0, k]), np.outer(np.cos(times), [k, 2.0])]))
+        for k, own in enumerate((Mechanism(links), stiff), 1)
+    ]
+    for together, motion in zip(transmitted_loads_of(motions), motions, strict=True):
+        for found, alone in zip(together, transmitted_loads(motion), strict=True):
+            for name in ("spin", "turning", "acceleration", "wrenches", "joint"):
+                assert np.array_equal(getattr(found, name), getattr(alone, name)), name
 
 
 def test_a_hanging_load_pulls_with_its_weight() -> None:

@@ -5,7 +5,9 @@ From the leaves to the ground, Newton's and Euler's laws give what each joint tr
     F = Ṗ + ω × P − m g − (loads and what children pull with)        M = L̇ + ω × L + V × P − …
 """
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
@@ -13,7 +15,9 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.limits.mechanism import LEAST_SHARE
+from fmd.core.limits.memory import MOST_FORMS
 from fmd.core.limits.round_off import SOLVED
+from fmd.core.recently_used import RecentlyUsed
 from fmd.core.rotations import turned
 from fmd.dynamics.closures import Closure, Place
 from fmd.dynamics.kinematics import Kinematics
@@ -42,9 +46,23 @@ class BodyLoads:
     # (n_loads, 6): components of ``wrenches`` that the motion of rigid bodies leaves open, as `open_loads` finds them
     open: Array
 
+    def within(self, some: slice) -> BodyLoads:
+        """Return the loads at some of the times alone."""
+        over_times = (self.spin, self.turning, self.acceleration, self.wrenches.swapaxes(0, 1), self.joint)
+        spin, turning, acceleration, wrenches, joint = (values[some] for values in over_times)
+        return BodyLoads(spin, turning, acceleration, wrenches.swapaxes(0, 1), joint, self.open)
+
 
 def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
     """Compute the loads on each body of a mechanism over a motion that is sampled finely enough for its rates."""
+    return transmitted_loads_of([motion])[0]
+
+
+def transmitted_loads_of(motions: Sequence[Kinematics]) -> list[list[BodyLoads]]:
+    """Compute the loads over motions at the same times of mechanisms that differ in numbers of joints alone."""
+    times, count = motions[0].times, len(motions)
+    q, v = (np.concatenate([getattr(own, name) for own in motions]) for name in ("q", "v"))
+    motion = Kinematics(motions[0].mechanism, np.tile(times, count), q, v)
     mechanism, frames = motion.mechanism, motion.frames
     reactions = closing_reactions(mechanism, motion.times, motion.q, motion.v)
     reactions |= {f"{ELEMENT}{each.name}": motion.wrenches(each) for each in mechanism.elements}
@@ -55,7 +73,9 @@ def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
         (turned(into_body, frame.velocity), turned(into_body, frame.spin), momenta.linear, momenta.angular)
         for into_body, frame, momenta in zip(into_bodies, frames, motion.momenta, strict=True)
     ]
-    rates = np.gradient(np.array(moving), motion.times, axis=2, edge_order=2)  # (n_bodies, 4, n_times, 3)
+    values = np.array(moving)  # (n_bodies, 4, all times of all motions, 3)
+    apart = values.reshape(*values.shape[:2], count, len(times), 3)
+    rates = np.gradient(apart, times, axis=3, edge_order=2).reshape(values.shape)
     for body in reversed(range(len(mechanism.links))):
         frame, into_body, weight = frames[body], into_bodies[body], into_bodies[body] @ mechanism.gravity
         velocity, spin, linear, angular = moving[body]
@@ -82,7 +102,8 @@ def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
             np.zeros((len(pulls), 6), dtype=bool),
         )
         joints[body] = turned(frame.rotation, force), turned(frame.rotation, moment)
-    return [found[body] for body in range(len(mechanism.links))]
+    parts = [slice(first, first + len(times)) for first in range(0, len(motion.times), len(times))]
+    return [[found[body].within(part) for body in range(len(mechanism.links))] for part in parts]
 
 
 def geometric_stiffness_over(mechanism: Mechanism, body: int, loads: BodyLoads) -> Array:
@@ -118,9 +139,17 @@ def change_by_inertia(body: FlexibleBody, loads: BodyLoads) -> float:
     )
 
 
+# By the forms and frequencies: the same for all points of a sweep.
+_known_sizes: RecentlyUsed[Array] = RecentlyUsed(MOST_FORMS)
+
+
 def _sizes(forms: Array, omega: Array) -> Array:
     """Return the largest part of the modal stiffness that each of some quadratic forms (k, n, n) is, shape (k,)."""
-    return np.asarray(np.abs(np.linalg.eigvalsh(forms / np.outer(omega, omega))).max(axis=1))
+
+    def find() -> Array:
+        return np.asarray(np.abs(np.linalg.eigvalsh(forms / np.outer(omega, omega))).max(axis=1))
+
+    return _known_sizes.get((forms.shape, forms.tobytes(), omega.tobytes()), find)
 
 
 def _spin_products(spin: Array) -> Array:

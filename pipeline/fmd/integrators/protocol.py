@@ -298,14 +298,20 @@ def balanced_accelerations(system: System, start: State) -> Array:
 
 def move_positions(p: Any, q: Array, change: Array) -> Array:
     """Return positions moved by a change (n,) in the order of rates; unit quaternions stay unit."""
-    moved = np.array(q, dtype=float)
-    _move(p, moved, np.ascontiguousarray(change))
+    return np.asarray(moved_each(p, q, change[None])[0])
+
+
+def moved_each(p: Any, q: Array, changes: Array) -> Array:
+    """Return positions moved by each of many changes (n_changes, n), as `move_positions` moves them by one."""
+    moved = np.tile(np.asarray(q, dtype=float), (len(changes), 1))
+    _move(p, moved, np.ascontiguousarray(changes))
     return moved
 
 
 @kernel
-def _move(p: Any, q: Array, change: Array) -> None:
-    advance(p, q, change, 1.0, 0, change.size)
+def _move(p: Any, moved: Array, changes: Array) -> None:
+    for k in range(changes.shape[0]):
+        advance(p, moved[k], changes[k], 1.0, 0, changes.shape[1])
 
 
 @kernel

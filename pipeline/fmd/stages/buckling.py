@@ -155,7 +155,7 @@ def constrained_stiffness(
     elastic, geometric = system.linear_forces.K, np.zeros((mechanism.n, mechanism.n))
     turns = _turns_at_unit_rates(mechanism, t, q)
     for body, own in loads.items():
-        now = _at(own, k)
+        now = own.within(slice(k, k + 1))
         modes = mechanism.modes_of(body)
         if len(modes):
             geometric[np.ix_(modes, modes)] += geometric_stiffness_over(mechanism, body, now)[0]
@@ -166,19 +166,6 @@ def constrained_stiffness(
     K, K_G, M = (directions.T @ A @ directions for A in (elastic, geometric, system.mass_matrix(q, t)))
     parts = eigh(K_G, K, eigvals_only=True)
     return ConstrainedStiffness(float(eigh(K + K_G, M, eigvals_only=True)[0]), float(max(-parts[0], 0.0)))
-
-
-def _at(loads: BodyLoads, k: int) -> BodyLoads:
-    """Return loads at one moment alone."""
-    now = slice(k, k + 1)
-    return BodyLoads(
-        loads.spin[now],
-        loads.turning[now],
-        loads.acceleration[now],
-        loads.wrenches[:, now],
-        loads.joint[now],
-        loads.open,
-    )
 
 
 def _turns_at_unit_rates(mechanism: Mechanism, t: float, q: Array) -> list[Array]:

@@ -19,7 +19,7 @@ from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.vibration import stiffness_over_mass
-from fmd.integrators.protocol import evaluate, evaluate_projection, move_positions
+from fmd.integrators.protocol import evaluate, evaluate_projection, move_positions, moved_each
 from fmd.stability.tangent import differentiate
 from fmd.stages.assembly import free_directions
 
@@ -209,8 +209,7 @@ def _slopes(system: CompiledSystem, q: Array) -> Array:
     nudges, p = _nudges(system), system.parameters
     if system.mechanism.closures and not system.mechanism.contacts:
         return differentiate(lambda by: _forces(system, move_positions(p, q, by)), np.zeros(system.n), nudges)
-    ahead, behind = (np.array([move_positions(p, q, by) for by in np.diag(d)]) for d in (nudges, -nudges))
-    found = system.compiled.still_residuals(np.concatenate([ahead, behind]))
+    found = system.compiled.still_residuals(moved_each(p, q, np.concatenate([np.diag(nudges), np.diag(-nudges)])))
     slopes = ((found[system.n :] - found[: system.n]) / (2 * nudges[:, None])).T
     if not system.mechanism.contacts:
         return slopes

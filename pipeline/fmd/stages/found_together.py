@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 if TYPE_CHECKING:
     from fmd.integrators.protocol import Trajectory
     from fmd.stability.operating_points import OperatingPoints
+    from fmd.stages.stiffening_check import RigidLoads
 
 FINE = "finely"  # label of the first run's second march among those that have been integrated
 
@@ -15,6 +16,17 @@ class HasResults(Protocol):
     """A scene's stages, with their results by name."""
 
     results: dict[str, Any]
+
+
+def keep_known_loads(run: HasResults, loads: RigidLoads) -> None:
+    """Keep the loads by a scene's rigid bodies for its check of loads to take."""
+    run.results["rigid loads"] = loads
+
+
+def take_known_loads(run: HasResults) -> RigidLoads | None:
+    """Return the loads by a scene's rigid bodies if they have been found, which aren't kept any longer."""
+    found: RigidLoads | None = run.results.pop("rigid loads", None)
+    return found
 
 
 def known_points(run: HasResults) -> list[OperatingPoints]:

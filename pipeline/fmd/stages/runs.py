@@ -25,7 +25,7 @@ from fmd.scene.run_table import SubCycledRun
 from fmd.stability.limits import longest_safe_step
 from fmd.stages.buckling import StiffnessChange, find_changes, require_unbuckled
 from fmd.stages.contact_steps import leave_fastest_out, limit_contact_step, most_halvings, step_key, steps_settle
-from fmd.stages.found_together import FINE, known_marches, known_points
+from fmd.stages.found_together import FINE, known_marches, known_points, take_known_loads
 from fmd.stages.like_mechanisms import build_like
 from fmd.stages.mechanism import find_start, place_joints
 from fmd.stages.plan import Growth, Plan, repeat_choice
@@ -37,14 +37,19 @@ from fmd.stages.run_checks import (
     require_room,
 )
 from fmd.stages.stage import forget
-from fmd.stages.stiffening_check import StiffeningLoads, check_stiffening_loads, keep_inertia_of_pieces, rigid_spins
+from fmd.stages.stiffening_check import (
+    StiffeningLoads,
+    check_stiffening_loads,
+    find_rigid_loads,
+    keep_inertia_of_pieces,
+    rigid_spins,
+)
 
 if TYPE_CHECKING:
     from fmd.dynamics.mechanism import Mechanism
     from fmd.recovery.motion import Motion
     from fmd.reduction.body import FlexibleBody
     from fmd.scene.runs import Run
-    from fmd.scene.scene import Scene
     from fmd.stability.operating_points import OperatingPoints
     from fmd.stages.pipeline import Pipeline
 
@@ -57,24 +62,29 @@ def check_loads(run: Pipeline) -> Mapping[str, StiffeningLoads]:
     run.scene.simulation  # noqa: B018 - a scene of parts alone is refused before anything is reduced
     if not run.parts:
         return {}
-    bodies = {name: part.body for name, part in run.parts.items()}
     meshed = [name for name, part in run.parts.items() if part.can_be_stiffened or part.body.integrals.stiffening.size]
+    found = take_known_loads(run) or find_rigid_loads(run.divided_scene, build_linear_mechanism(run))
+    return check_stiffening_loads(run.divided_scene, _linear_bodies(run), meshed, found)
 
-    def build(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> Mechanism:
-        mechanism = build_like(run.built, scene, bodies)
-        if scene.gear_mesh:
-            from fmd.stages.gear_teeth import couple_gears
 
-            return couple_gears(run, mechanism)
-        return mechanism
+def build_linear_mechanism(run: Pipeline) -> Mechanism:
+    """Build the mechanism of a run's bodies as they are reduced, none of them stiffened."""
+    mechanism = build_like(run.built, run.divided_scene, _linear_bodies(run))
+    if run.scene.gear_mesh:
+        from fmd.stages.gear_teeth import couple_gears
 
-    return check_stiffening_loads(run.divided_scene, bodies, meshed, build)
+        return couple_gears(run, mechanism)
+    return mechanism
+
+
+def _linear_bodies(run: Pipeline) -> dict[str, FlexibleBody]:
+    return {name: part.body for name, part in run.parts.items()}
 
 
 def stiffen_bodies(run: Pipeline) -> Mapping[str, FlexibleBody]:
     """Return the reduced bodies of a run, those stiffened whose loads count."""
     simulation, loads = run.scene.simulation, run.stiffening_loads
-    linear = {name: part.body for name, part in run.parts.items()}
+    linear = _linear_bodies(run)
     stiff = {name: part.stiffened for name, part in run.parts.items() if loads[name].stiffened}
     error = 0.0 if simulation.stiffening == "on" else simulation.error
     return linear | stiff | keep_inertia_of_pieces(linear, stiff, loads, error)

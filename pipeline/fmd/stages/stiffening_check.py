@@ -4,8 +4,9 @@ Tension stiffens and compression softens. The linear floating frame knows neithe
 a body's second moments, and has no stiffness left at a critical rate.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,15 +45,54 @@ class StiffeningLoads:
     positions: Array = field(repr=False)  # (n_times, n_positions): of the mechanism with all bodies rigid
 
 
+class RigidLoads(NamedTuple):
+    """A scene's mechanism, its motion with all bodies rigid, and the loads on each body over that."""
+
+    mechanism: Mechanism
+    motion: Kinematics
+    loads: list[BodyLoads]
+
+
+def find_rigid_loads(scene: Scene, mechanism: Mechanism) -> RigidLoads:
+    """Find the loads on each body of a scene's mechanism by its motion with all bodies rigid; raises as `move_rigidly`.
+
+    Those that the motion leaves open are as stiffness shares them.
+    """
+    motion = move_rigidly(scene, mechanism)
+    loads = transmitted_loads(motion)
+    if mechanism.closures or mechanism.elements:
+        unknown = open_loads(mechanism.rigid, motion.times, motion.q)
+        loads = [replace(known, open=own) for known, own in zip(loads, unknown, strict=True)]
+        constrained = Kinematics(mechanism.rigid, motion.times, motion.q, motion.v)
+        loads = share_open_loads(mechanism, constrained, loads)
+    return RigidLoads(mechanism, motion, loads)
+
+
+def move_rigidly(scene: Scene, mechanism: Mechanism) -> Kinematics:
+    """Compute a scene's motion with all bodies of its mechanism rigid.
+
+    Raises
+    ------
+    InputError
+        A joint moves without any inertia.
+    AccuracyError
+        The motion can't be integrated.
+    """
+    require_inertia(scene, share_system(mechanism.rigid))
+    rigid = movable_rigid(mechanism)
+    return rigid_motion(rigid, *place_joints(scene, rigid), scene.simulation.duration)
+
+
 def check_stiffening_loads(
     scene: Scene,
     bodies: Mapping[str, FlexibleBody],
     meshed: Collection[str] | None = None,
-    build: Callable[[Scene, Mapping[str, FlexibleBody]], Mechanism] = build_mechanism,
+    found: RigidLoads | None = None,
 ) -> dict[str, StiffeningLoads]:
     """Check the loads through each flexible body of a scene, and if they count, before anything is integrated.
 
-    Bodies are reduced and not stiffened; those of names ``meshed``, all by default, have elements, and so stress.
+    Bodies are reduced and not stiffened; those of names ``meshed``, all by default, have elements, and so stress. The
+    loads by rigid bodies are those that were found, if any.
 
     Raises
     ------
@@ -62,16 +102,7 @@ def check_stiffening_loads(
     if not bodies:
         return {}
     setting, error = scene.simulation.stiffening, scene.simulation.error
-    mechanism = build(scene, bodies)
-    require_inertia(scene, share_system(mechanism.rigid))
-    rigid = movable_rigid(mechanism)
-    motion = rigid_motion(rigid, *place_joints(scene, rigid), scene.simulation.duration)
-    all_loads = transmitted_loads(motion)
-    if mechanism.closures or mechanism.elements:
-        unknown = open_loads(mechanism.rigid, motion.times, motion.q)
-        all_loads = [replace(loads, open=own) for loads, own in zip(all_loads, unknown, strict=True)]
-        constrained = Kinematics(mechanism.rigid, motion.times, motion.q, motion.v)
-        all_loads = share_open_loads(mechanism, constrained, all_loads)
+    mechanism, motion, all_loads = found or find_rigid_loads(scene, build_mechanism(scene, bodies))
     checks = {}
     for name, body in bodies.items():
         loads = all_loads[mechanism.number_of(name)]

@@ -8,19 +8,49 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError, StabilityError
-from fmd.core.limits.memory import FINE_VALUES_AT_ONCE, VALUES_AT_ONCE
+from fmd.core.limits.memory import FINE_VALUES_AT_ONCE, RIGID_MOTIONS_AT_ONCE, VALUES_AT_ONCE
 from fmd.core.limits.stepping import NEARLY
-from fmd.dynamics.compiled_system.shared import structure_of
+from fmd.dynamics.compiled_system.shared import share_system, structure_of
 from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.transmitted_loads import transmitted_loads_of
 from fmd.integrators.automatic import Automatic
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.fixed_step import FixedStepIntegrator
 from fmd.integrators.march_pairs import Pairs, pairs_of
 from fmd.integrators.protocol import Trajectory
 from fmd.stability.variants import VariantStart, differ_in_numbers, find_growth_together, find_points_of_variants
-from fmd.stages.found_together import FINE, known_marches, known_points
+from fmd.stages.found_together import FINE, keep_known_loads, known_marches, known_points
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.plan import Plan, repeat_choice
+from fmd.stages.runs import build_linear_mechanism
+from fmd.stages.stiffening_check import RigidLoads, move_rigidly
+
+
+def share_loads(runs: Sequence[Pipeline]) -> None:
+    """Find the loads by the rigid motions of many scenes, for the stage "loads" of each to take.
+
+    Those of one structure are found together, where neither loops nor force elements leave any open. What fails is left
+    to each scene's own stage, which says why.
+    """
+    alike: dict[Hashable, list[tuple[Pipeline, Mechanism, Kinematics]]] = {}
+    for run in runs:
+        try:
+            mechanism = build_linear_mechanism(run) if run.parts else None
+            if mechanism is None or mechanism.closures or mechanism.elements:
+                continue
+            motion = move_rigidly(run.divided_scene, mechanism)
+        except (InputError, AccuracyError):
+            continue
+        key = structure_of(share_system(motion.mechanism)), float(motion.times[-1])
+        alike.setdefault(key, []).append((run, mechanism, motion))
+    for some in alike.values():
+        for first in range(0, len(some), RIGID_MOTIONS_AT_ONCE):
+            own = some[first : first + RIGID_MOTIONS_AT_ONCE]
+            loads = transmitted_loads_of([motion for *_, motion in own])
+            for (run, mechanism, motion), found in zip(own, loads, strict=True):
+                keep_known_loads(run, RigidLoads(mechanism, motion, found))
 
 
 def share_growth(runs: Sequence[Pipeline]) -> None:

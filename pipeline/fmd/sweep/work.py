@@ -18,7 +18,7 @@ from fmd.output.summary import model_warnings, run_warnings, summarise_solved
 from fmd.scene.result_names import is_of_parts, takes_motion
 from fmd.scene.scene import Scene
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.variants import share_fine_marches, share_growth, share_marches
+from fmd.stages.variants import share_fine_marches, share_growth, share_loads, share_marches
 from fmd.sweep.points import point_key
 from fmd.sweep.record import SUMMARY, Record, Wanted, interrupted_record
 
@@ -64,6 +64,7 @@ def _compute_together(scenes: Mapping[str, Scene], wanted: Wanted) -> Iterator[t
     moving = [point.given for point in solved.values() if not point.is_open and point.scene.moves]
     if len(moving) > 1 and (wanted.summary or any(map(takes_motion, wanted.results))):
         with suppress(*FAULTS):  # what is wrong with a point is in its own record
+            share_loads(moving)
             share_growth(moving)
             share_marches(moving)
     keys = [*solved]

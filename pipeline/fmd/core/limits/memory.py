@@ -45,6 +45,7 @@ FATIGUE_STRETCHES = 256  # stretches of time, each with a bound of its own
 MOST_TABLES = 1024  # whose unusual values are known to a process, the last used last
 # Compiled code.
 MOST_SHARED = 16  # systems kept in a process, the last used last
+MOST_FORMS = 256  # quadratic forms of bodies whose sizes a process keeps, the last used last
 MOST_LOADED = 256  # programs that stay loaded in a process, the last used last
 # States that are evaluated together: the values of a mechanism's nodes at them stay in the processor's cache.
 STATES_AT_ONCE = 1024
@@ -54,6 +55,7 @@ MOST_BEGINS_KEPT = 2**24  # numbers of the states at which chosen steps begin, w
 
 # Sweeps.
 POINTS_AT_ONCE = 64  # points that share their work in a process: from half as many on, a point takes no less
+RIGID_MOTIONS_AT_ONCE = 8  # of these, whose loads are found together: their values stay in the processor's cache
 FINE_MARCHES_AT_ONCE = 16  # of these, marched again at some thousand times: two groups of lanes
 FINE_VALUES_AT_ONCE = 2**24  # numbers of states at these times, of all of them together
 
