@@ -10,6 +10,12 @@ from fmd.scene.scene import Scene, SceneReader, load_scene
 CHANGES = {
     "rod-slider": [
         ["joint.slide.spring=900 N/m"],
+        ["joint.slide.spring=0.8 N/mm"],
+        ["joint.slide.spring=-1 N/m"],
+        ["joint.slide.spring=700 N/m"],
+        ["joint.slide.spring=700 N/m ± 2 %"],
+        ["joint.slide.spring=600 N/m"],
+        ["joint.slide.spring=0 N/m"],
         ["joint.slide.spring=900.0 N/m", "simulation.run.1.substeps=7"],
         ["simulation.run.1.substeps=7.0"],  # refused: no whole number, though equal to 7
         ["body.slider.mass=4 kg ± 2 %"],
@@ -20,6 +26,16 @@ CHANGES = {
     ],
     "arm": [
         ["joint.elbow.damper=0.1 N m s"],
+        ["joint.elbow.damper=0.3 N m s", "joint.elbow.spring=50 N m"],
+        ["joint.elbow.damper=0.1 N m s", "joint.elbow.spring=50"],  # refused: in a file it needs its unit
+        ["joint.elbow.damper=0.4 N m s", "joint.elbow.spring=70 N m"],
+        ["joint.elbow.damper=x", "joint.elbow.spring=80 N m"],
+        ["joint.elbow.damper=0.5 N m s", "joint.elbow.spring=70 N m"],
+        ["joint.elbow.spring=60 N m", "joint.elbow.damper=0.5 N m s"],
+        [
+            "joint.elbow.damper=0.7 N m s",
+            "joint.elbow={ type = 'fixed', parent = 'upper.elbow', child = 'forearm.elbow' }",
+        ],
         ["body.forearm.length=500 mm"],
         ["body.forearm.length=500 mm", "output.3.type=fatigue"],
         ["body.forearm.marker.wrist.face=x*"],

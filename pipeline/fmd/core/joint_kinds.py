@@ -12,6 +12,9 @@ import numpy as np
 
 from fmd.core.arrays import Array
 
+JOINT_CONSTANTS = ("spring", "rest", "damper")
+"""Numbers of joints with one coordinate that are inputs of equations: those of one structure may have others."""
+
 AXIS, OTHER, ACROSS, SPACE = "axis", "other axis", ("across 1", "across 2"), ("x", "y", "z")
 
 Row = tuple[tuple[str, str], ...]

@@ -6,6 +6,7 @@ Quantities are SI floats once read. Every fault in the file is one ``InputError`
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_origin
@@ -14,14 +15,17 @@ from pydantic import PrivateAttr, ValidationError, ValidationInfo, model_validat
 
 from fmd.core.errors import InputError
 from fmd.core.html import facts, scaled
+from fmd.core.joint_kinds import JOINT_CONSTANTS
 from fmd.core.units import PositiveFrequency, Share
 from fmd.scene.cross_checks import CrossCheck
+from fmd.scene.joints.any_joint import Joint
 from fmd.scene.reading import Fault, FaultError, SceneTable, kinds_as_meant, list_faults, raise_faults
 from fmd.scene.runs import AutoRun
 from fmd.scene.scene_files import read_unchanged
 from fmd.scene.scene_tables import SceneTables
 from fmd.scene.simulation import Simulation
 from fmd.scene.tolerances import split_tolerances
+from fmd.scene.toml_files import parse_value
 
 # Tables of tables by name.
 _NAMED = tuple(name for name, field in SceneTables.model_fields.items() if get_origin(field.annotation) is dict)
@@ -197,16 +201,58 @@ def load_scene(
 class SceneReader:
     """Reads a scene with other values again and again; tables that are as they were the time before are taken from it.
 
-    The arguments are those of `load_scene`.
+    Where only springs, rests and dampers of joints have other values than that time, those joints alone are read. The
+    arguments are those of `load_scene`.
     """
 
     def __init__(self, source: str | Path | Mapping[str, Any], without: Collection[str] = ()) -> None:
         self._source, self._without = source, without
         self._read = read_unchanged(source)
         self._known: dict[tuple[str, ...], tuple[Any, Any]] = {}  # each table, as it was read and checked
+        self._last: tuple[Sequence[str], Scene] | None = None  # values of the last scene, and it
 
     def load(self, overrides: Sequence[str]) -> Scene:
         """Read the scene with some values, as `load_scene` does."""
+        last, self._last = self._last, None  # none while this one may fail
+        scene = (last and self._change_joints(*last, overrides)) or self._load(overrides)
+        self._last = overrides, scene
+        return scene
+
+    def _change_joints(self, given: Sequence[str], scene: Scene, overrides: Sequence[str]) -> Scene | None:
+        """Return a scene with other springs, rests and dampers of joints; none where more differs, or is wrong.
+
+        Checks between tables ask of these no more than whether they are 0.
+        """
+        if len(given) != len(overrides):
+            return None
+        joints, keys = {}, [_split_key(text) for text in overrides]
+        for key, before, now in zip(keys, given, overrides, strict=True):
+            if now == before:
+                continue
+            alone = sum(other[: len(key)] == key[: len(other)] for other in keys) == 1  # no other sets what it is in
+            plain = key == _split_key(before) and ".".join(key) not in scene.tolerances
+            if not (alone and plain) or (joint := self._change_joint(key, now.partition("=")[2])) is None:
+                return None
+            joints[key[1]] = joint
+        return scene.model_copy(update={"joint": scene.joint | joints})
+
+    def _change_joint(self, key: Sequence[str], text: str) -> Joint | None:
+        """Return the joint of a key like ``joint.hinge.spring`` with another value; none as `_change_joints`."""
+        path, last, given = tuple(key[:2]), key[-1], parse_value(text.strip())
+        table, joint = self._known.get(path, ({}, None))
+        if len(key) != 3 or path[0] != "joint" or last not in JOINT_CONSTANTS or last not in table:
+            return None
+        if split_tolerances({"": [given]})[1:] != ({}, []):
+            return None
+        changed, context = table | {last: given}, {"folder": self._read.folder, "units": bool(self._read.file)}
+        with suppress(ValidationError):  # which the whole scene tells, with all that is wrong beside it
+            own: Joint = type(joint).model_validate(changed, context=context)
+            if bool(getattr(own, last)) == bool(getattr(joint, last)):
+                self._known[path] = changed, own
+                return own
+        return None
+
+    def _load(self, overrides: Sequence[str]) -> Scene:
         read = self._read.with_values(overrides)
         chosen = {key: table for key, table in read.data.items() if key not in self._without}
         tables, tolerances, faults = split_tolerances(chosen)
@@ -224,6 +270,11 @@ class SceneReader:
         self._known = {path: (table, _table_at(scene, path)) for path, table in given.items()}
         scene._file, scene._tolerances = read.file, tolerances
         return scene
+
+
+def _split_key(text: str) -> list[str]:
+    """Return the parts of the dotted key that a text like ``simulation.step=1us`` gives a value."""
+    return text.partition("=")[0].strip().split(".")
 
 
 def _tables_by_path(tables: Mapping[str, Any]) -> dict[tuple[str, ...], Any]:

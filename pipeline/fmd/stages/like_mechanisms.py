@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS
+from fmd.core.joint_kinds import JOINT_CONSTANTS
 from fmd.dynamics.compiler.digest import share_digest
 from fmd.dynamics.mechanism import Mechanism
 from fmd.reduction.body import FlexibleBody

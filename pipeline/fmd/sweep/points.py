@@ -5,20 +5,25 @@ Ranges are sampled by Latin hypercubes or random points.
 
 from __future__ import annotations
 
+import hashlib
 import itertools
+import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.cache import stage_key
 from fmd.core.errors import InputError, as_input_error
+from fmd.core.limits.memory import MOST_TABLES
 from fmd.core.limits.scene import MOST_POINTS, RANGE_DIGITS
+from fmd.core.recently_used import RecentlyUsed
+from fmd.scene.reading import SceneTable
 from fmd.scene.scene import Scene, SceneReader
 from fmd.scene.source_files import digest_files
 from fmd.scene.variants import with_first_run
@@ -181,8 +186,27 @@ def point_key(scene: Scene) -> str:
     InputError
         A file isn't there.
     """
-    inputs = {"scene": scene.model_dump(mode="json"), "files": digest_files(scene)}
+    inputs = {"scene": {name: _digest(getattr(scene, name)) for name in type(scene).model_fields}}
+    inputs["files"] = digest_files(scene)
     return stage_key("point", inputs, ("fmd", "fmd/meshes"), ("gmsh", "llvmlite", "numpy", "scikit-fem", "scipy"))
+
+
+# Scenes of a sweep share the tables that aren't varied. By number, with the table, whose number stays its own.
+_digests: RecentlyUsed[tuple[SceneTable, str]] = RecentlyUsed(MOST_TABLES)
+
+
+def _digest(value: Any) -> Any:
+    """Return a value of a scene with a digest in place of each table, which is made once for each."""
+    if isinstance(value, SceneTable):
+        return _digests.get(id(value), lambda: (value, _digest_table(value)))[1]
+    if isinstance(value, Mapping):
+        return {name: _digest(own) for name, own in value.items()}
+    return [*map(_digest, value)] if isinstance(value, list | tuple) else value
+
+
+def _digest_table(table: SceneTable) -> str:
+    text = json.dumps(table.model_dump(mode="json"), sort_keys=True)
+    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 
 def _naming_vary(error: InputError, variations: Sequence[Variation]) -> InputError:

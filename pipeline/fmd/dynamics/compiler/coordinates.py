@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.joint_kinds import JOINT_CONSTANTS
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiler.algebra import constants
 from fmd.dynamics.compiler.cleaning import inertia_forms, rigid_constants
@@ -15,8 +16,6 @@ from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import ALWAYS, CONSTANT, Signal
 from fmd.reduction.inertia import InertiaIntegrals
-
-JOINT_CONSTANTS = ("spring", "rest", "damper")
 
 
 class Coordinates:

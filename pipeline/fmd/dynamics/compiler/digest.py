@@ -10,8 +10,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from fmd.core.joint_kinds import JOINT_CONSTANTS
 from fmd.dynamics.closures import Coupler
-from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS, Coordinates, constant_value, without_constants
+from fmd.dynamics.compiler.coordinates import Coordinates, constant_value, without_constants
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal
 

@@ -13,7 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS, Coordinates
+from fmd.core.joint_kinds import JOINT_CONSTANTS
+from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.external_quantities import (
     ElementStress,

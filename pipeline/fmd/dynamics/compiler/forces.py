@@ -6,11 +6,12 @@ from typing import Protocol
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.joint_kinds import JOINT_CONSTANTS
 from fmd.core.state_formula import VARIABLE
 from fmd.dynamics.compiler.algebra import Vector3, Vector6, constants, cross, subtract, times, transpose
 from fmd.dynamics.compiler.bodies import AXES, Inertia, velocity_forces
 from fmd.dynamics.compiler.cleaning import clean_direction
-from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS, Coordinates
+from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.elements import trace_actions, trace_elongation
 from fmd.dynamics.compiler.formulas import trace_periodic_table, trace_program
 from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
