@@ -1,6 +1,6 @@
 """Records of points: written, read again, and damaged."""
 
-from fmd.output.variable_errors import NO_BUDGET
+from fmd.output.error_columns import NO_BUDGET
 from fmd.sweep.record import Record, read_record, write_record
 
 

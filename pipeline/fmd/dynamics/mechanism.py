@@ -62,6 +62,10 @@ def layout_of(links: Sequence[Link], fast_joints: Sequence[str], slow_modes: Seq
     return Layout(rate, position, mode, n_slow, at, at_position)
 
 
+_OF_STRUCTURE = {"layout", "groups", "position_of_rates", "states", "breakpoints", "activities", "acting"}
+"""What mechanisms have in common that differ in springs, rests and dampers of joints alone."""
+
+
 @dataclass(frozen=True, eq=False)
 class Mechanism:
     """Bodies with the joints that carry them, and what acts on them.
@@ -122,6 +126,10 @@ class Mechanism:
     def layout(self) -> Layout:
         """Where each joint's and each body's coordinates are."""
         return layout_of(self.links, self.fast_joints, [self.slow_modes.get(link.name, 0) for link in self.links])
+
+    def share_structure(self, like: Mechanism) -> None:
+        """Take what has been found of a mechanism that differs in springs, rests and dampers of joints alone."""
+        vars(self).update({name: vars(like)[name] for name in _OF_STRUCTURE & vars(like).keys()})
 
     def first_piece(self, body: int) -> int:
         """Return the number of the piece at the joint of the part that a body is a piece of; its own if it is whole."""

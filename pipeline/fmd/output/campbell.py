@@ -18,7 +18,7 @@ from fmd.core.files import write_table
 from fmd.core.limits import responses as limits
 from fmd.core.limits.shown import DRAWN_MODES
 from fmd.core.progress import Advance, Monitor, silent
-from fmd.output.variable_errors import NOT_STATED
+from fmd.output.error_columns import NOT_STATED
 from fmd.reduction.rotating import WhirlingModes
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.rotor import Vibrations, coupled, find_vibrations, runs_in_bearings

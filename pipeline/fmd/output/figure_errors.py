@@ -6,7 +6,8 @@ from typing import Any
 from fmd.accuracy.contact_errors import CONTACT_ERRORS, ContactError
 from fmd.accuracy.ply_stress import ply_row
 from fmd.accuracy.requested_stress import EXTREMES
-from fmd.output.variable_errors import NOT_STATED, VariableErrors
+from fmd.output.error_columns import NOT_STATED
+from fmd.output.variable_errors import VariableErrors
 from fmd.stages.pipeline import Pipeline
 
 _OF_RANGE = NOT_STATED + "it tells whether the model holds, and the error budget doesn't compare it"

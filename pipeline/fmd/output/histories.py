@@ -18,9 +18,10 @@ from fmd.core.limits.round_off import SUMMED
 from fmd.core.limits.shown import DIGITS, HARDLY_MOVES
 from fmd.core.netcdf import write_netcdf
 from fmd.dynamics.kinematics import Kinematics
+from fmd.output.error_columns import write_errors
 from fmd.output.output_kinds import OutputKind
 from fmd.output.stress_warnings import say_missed, say_output_step
-from fmd.output.variable_errors import VariableErrors, write_errors
+from fmd.output.variable_errors import VariableErrors
 from fmd.recovery.motion import Motion
 from fmd.recovery.motion_file import OF_FORMULA, Variable, gather_runs, gear_variables
 from fmd.recovery.quantities import coordinate_variables, energy_variables, marker_variables, reaction_variables

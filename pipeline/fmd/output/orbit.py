@@ -7,8 +7,9 @@ import numpy as np
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import InputError
 from fmd.core.files import number_texts, write_table
+from fmd.output.error_columns import write_errors
 from fmd.output.output_kinds import OutputKind, key_of
-from fmd.output.variable_errors import VariableErrors, write_errors
+from fmd.output.variable_errors import VariableErrors
 from fmd.recovery.motion import Motion
 from fmd.render.calls import Drawer, draw_here
 from fmd.scene.outputs import Orbit

@@ -9,10 +9,11 @@ from fmd.accuracy.ply_stress import ACROSS, has_plies, ply_row
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import number_texts, write_table
+from fmd.output.error_columns import NOT_STATED, write_errors
 from fmd.output.mechanism_view import body_surface
 from fmd.output.output_kinds import OutputKind, read_body
 from fmd.output.pictures import camera_of
-from fmd.output.variable_errors import NOT_STATED, VariableErrors, write_errors
+from fmd.output.variable_errors import VariableErrors
 from fmd.recovery.plies import FAILURE_INDICES, PLY_STRESSES, PlyExtremes, extremes_of_laminates, shells_of
 from fmd.render.calls import Drawer, draw_here
 from fmd.render.colours import stress_limits

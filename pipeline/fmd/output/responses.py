@@ -17,9 +17,9 @@ from fmd.core.files import whole_file, write_table
 from fmd.core.limits.responses import AWAY_FROM_POLE, FINE_RATIO, NEAR_POLE, RESONANT, UNBOUNDED, UNDAMPED
 from fmd.core.limits.shown import LINE_POLES
 from fmd.core.netcdf import NetcdfVariable, write_netcdf
+from fmd.output.error_columns import NOT_STATED
 from fmd.output.output_kinds import OutputKind, ResponseKind, key_of
 from fmd.output.stated_errors import with_plain_error
-from fmd.output.variable_errors import NOT_STATED
 from fmd.responses.random_vibration import RandomResponse, random_response
 from fmd.responses.state_space import choose_frequencies
 from fmd.scene.outputs import FrequencyResponseChart

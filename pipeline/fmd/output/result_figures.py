@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from fmd.output.channels import ResultChannel, find_channels
-from fmd.output.variable_errors import NOT_COMPARED, VariableErrors
+from fmd.output.error_columns import NOT_COMPARED
+from fmd.output.variable_errors import VariableErrors
 from fmd.stages.pipeline import Pipeline
 
 

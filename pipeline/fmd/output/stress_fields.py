@@ -11,10 +11,11 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.files import number_texts, write_table
 from fmd.core.limits.shown import DECADES
 from fmd.fem.surface import surface_normals
+from fmd.output.error_columns import NOT_STATED, write_errors
 from fmd.output.mechanism_view import body_surface
 from fmd.output.output_kinds import OutputKind, read_body
 from fmd.output.pictures import camera_of
-from fmd.output.variable_errors import NOT_STATED, VariableErrors, write_errors
+from fmd.output.variable_errors import VariableErrors
 from fmd.recovery.fatigue import (
     FatigueLaw,
     FatigueLife,

@@ -17,7 +17,7 @@ from fmd.core.files import write_table
 from fmd.core.limits.patience import OF_TWO_MESHES
 from fmd.core.limits.responses import HALF_POWER, OF_PEAK, PEAK_DIGITS, POINTS_OF_PEAK, SHARPEST, WIDTHS_OF_PEAK
 from fmd.output.campbell import RPM
-from fmd.output.variable_errors import NOT_STATED
+from fmd.output.error_columns import NOT_STATED
 from fmd.responses.circular_forces import circular_response
 from fmd.responses.interpolated_models import interpolate_models, with_inputs_seen
 from fmd.stages.pipeline import Pipeline

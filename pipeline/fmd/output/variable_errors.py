@@ -1,14 +1,10 @@
 """Errors of variables over time, as files state them: the first run's largest over time, or why it is not stated."""
 
-from collections.abc import Sequence
-from pathlib import Path
-
 from fmd.accuracy.details import NO_MEANING, row_name
 from fmd.accuracy.error_budget import ERROR_BUDGET, Budget
 from fmd.accuracy.error_estimates import Row
 from fmd.accuracy.ply_stress import PLY_ROWS
-from fmd.core.files import write_table
-from fmd.core.limits.shown import DIGITS
+from fmd.output.error_columns import NO_BUDGET, NOT_COMPARED, NOT_STATED
 from fmd.recovery.motion_file import OF_FORMULA, Variable
 from fmd.recovery.stress import STRESS_COMPONENTS
 from fmd.stages.pipeline import Pipeline
@@ -100,21 +96,3 @@ def why_no_budget(run: Pipeline) -> str:
     if ERROR_BUDGET.applies(run):
         return NO_BUDGET
     return _CONTACT if run.scene.contact else "a body without a mesh tells nothing of its own error"
-
-
-NOT_STATED = "not stated: "
-NO_BUDGET = "no error budget was made; fmd run makes one without --no-budget, fmd sweep with --budget"
-NOT_COMPARED = NOT_STATED + "the error budget doesn't compare it"
-
-
-def write_errors(errors: Sequence[tuple[str, str, float | str]], file: Path) -> str:
-    """Write names, units and errors of a file's columns as a table beside it, and return the table's name."""
-    beside = file.with_name(f"{file.name.removesuffix('.csv')}-errors.csv")
-    rows = ([name, unit, *_cells(error)] for name, unit, error in errors)
-    write_table(beside, ["column", "unit", "error", "why not"], rows)
-    return beside.name
-
-
-def _cells(error: float | str) -> list[str]:
-    """Return an error and an empty text, or an empty text and why it is not stated."""
-    return ["", error] if isinstance(error, str) else [f"{error:.{DIGITS}g}", ""]

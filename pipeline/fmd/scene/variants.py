@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from fmd.core.errors import InputError
+from fmd.core.joint_kinds import JOINT_CONSTANTS
 from fmd.scene.any_body import Flexible
 from fmd.scene.force_elements import BearingTable
 from fmd.scene.joints.fixed import Fixed
@@ -32,6 +33,15 @@ def with_first_run(scene: Scene) -> Scene:
     if not scene.moves or scene.refines_contacts:  # which has one
         return scene
     return change_simulation(scene, run=scene.simulation.run[:1])
+
+
+def without_joint_numbers(scene: Scene) -> Scene:
+    """Return the scene without springs, rests and dampers of joints with one coordinate."""
+    joints = {
+        name: joint.model_copy(update=dict.fromkeys(JOINT_CONSTANTS, 0.0)) if joint.kind.unit else joint
+        for name, joint in scene.joint.items()
+    }
+    return scene.model_copy(update={"joint": joints})
 
 
 def change_modes(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:

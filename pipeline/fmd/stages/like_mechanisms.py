@@ -8,6 +8,7 @@ from fmd.dynamics.compiler.digest import share_digest
 from fmd.dynamics.mechanism import Mechanism
 from fmd.reduction.body import FlexibleBody
 from fmd.scene.scene import Scene
+from fmd.scene.variants import without_joint_numbers
 from fmd.stages.mechanism import build_mechanism
 
 Built = tuple["Scene", Mapping[str, FlexibleBody], Mechanism]
@@ -20,7 +21,7 @@ def build_like(built: list[Built], scene: Scene, bodies: Mapping[str, FlexibleBo
     That of a scene with the same bodies, and all else the same but numbers of joints, is taken with these changed. Of
     the scene that was built last, and of those like it, ``built`` keeps one for each choice of bodies.
     """
-    bare = _without_numbers(scene)
+    bare = without_joint_numbers(scene)
     for other, theirs, mechanism in () if scene.closing else built:
         same = theirs.keys() == bodies.keys() and all(theirs[name] is body for name, body in bodies.items())
         if same and other == bare and mechanism.lifted is lifted:
@@ -30,15 +31,6 @@ def build_like(built: list[Built], scene: Scene, bodies: Mapping[str, FlexibleBo
     mechanism = replace(build_mechanism(scene, bodies), lifted=lifted)
     built.append((bare, bodies, mechanism))
     return mechanism
-
-
-def _without_numbers(scene: Scene) -> Scene:
-    """Return a scene without springs, rests and dampers of joints with one coordinate."""
-    joints = {
-        name: joint.model_copy(update=dict.fromkeys(JOINT_CONSTANTS, 0.0)) if joint.kind.unit else joint
-        for name, joint in scene.joint.items()
-    }
-    return scene.model_copy(update={"joint": joints})
 
 
 def with_joint_numbers(mechanism: Mechanism, scene: Scene) -> Mechanism:
@@ -55,7 +47,7 @@ def with_joint_numbers(mechanism: Mechanism, scene: Scene) -> Mechanism:
             if any(before != now for before, now in pairs):
                 links[number] = replace(link, spring=along.spring, rest=along.rest, damper=along.damper)
     found = replace(mechanism, links=links)
-    vars(found)["layout"] = mechanism.layout
+    found.share_structure(mechanism)
     if alike:
         share_digest(found, mechanism)
     if "rigid" in vars(mechanism):

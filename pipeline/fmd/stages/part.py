@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
@@ -97,6 +98,7 @@ class FlexiblePart(KeyedPart):
     taken from it. Nothing may be kept in a cache where ``modes`` take the place of the scene's.
     """
 
+    bare: Scene | None = None  # the scene without springs, rests and dampers of joints, if the part is one of its own
     # The table of stages, in their order.
     mesh: Stage[SolidMesh | JoinedMesh] = Stage(
         "mesh",
@@ -197,6 +199,12 @@ class FlexiblePart(KeyedPart):
         self.common: dict[str, Any] = like.common if like is not None and alike else {}
         if modes is not None:
             self.results["modes"] = modes
+
+    def beside(self, store: StageStore) -> FlexiblePart:
+        """Return the part with its results for a scene that differs in springs, rests and dampers of joints alone."""
+        part = copy(self)
+        part.store, part.results = store, dict(self.results)
+        return part
 
     def find_in_common(self, name: str, find: Callable[[], T]) -> T:
         """Return what variants of the part with the same matrices, markers and joint have in common, found once."""
@@ -392,3 +400,14 @@ class FlexiblePart(KeyedPart):
 
 
 PART_STAGES: Mapping[str, Stage[Any]] = {stage.name: stage for stage in stages_of(FlexiblePart)}
+
+
+def part_of_scene(
+    scene: Scene, bare: Scene, name: str, store: StageStore, like: FlexiblePart | None = None
+) -> FlexiblePart:
+    """Make a flexible body's part; that of a scene like it is taken if both are equal ``bare`` of numbers of joints."""
+    if like is not None and like.bare == bare:
+        return like.beside(store)
+    part = FlexiblePart(scene, name, store, like)
+    part.bare = bare
+    return part

@@ -139,15 +139,9 @@ def require_inertia(scene: Scene, system: CompiledSystem) -> None:
 
     A rod or a point mass on a ball joint, for one, turns about its own axis without any inertia.
     """
-    M, _, _ = system.linear_matrices
-    if not len(M):
+    if not system.n or system.lightest_motion[0] > NO_INERTIA * system.n:
         return
-    sizes = np.sqrt(np.maximum(M.diagonal(), 0.0))
-    sizes[sizes == 0.0] = 1.0
-    least, vectors = np.linalg.eigh(M / np.outer(sizes, sizes))
-    if least[0] > NO_INERTIA * len(M):
-        return
-    joint, motion = _describe_rate(system.mechanism, vectors[:, 0] / sizes)
+    joint, motion = _describe_rate(system.mechanism, system.lightest_motion[1])
     mend = (
         f"nothing has inertia against its {motion}; give what it carries an extent (shape 'rigid' with inertias above "
         "0 or 'rod' across the axis), or take a joint without this motion"

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fmd.core.files import renamed_file
-from fmd.output.variable_errors import NO_BUDGET
+from fmd.output.error_columns import NO_BUDGET
 
 STATUSES = ("ok", "refused", "failed")
 

@@ -11,7 +11,7 @@ from fmd.core.arrays import Array
 from fmd.core.files import whole_file, write_table
 from fmd.core.netcdf import NetcdfVariable, write_netcdf
 from fmd.core.units import parse_quantity
-from fmd.output.variable_errors import NOT_COMPARED, write_errors
+from fmd.output.error_columns import NOT_COMPARED, write_errors
 from fmd.scene.toml_files import parse_value
 from fmd.sweep.points import Variation
 from fmd.sweep.study import Sweep

@@ -57,15 +57,34 @@ def _null_space(A: Array) -> Array:
     return np.asarray(directions[rank:].T)
 
 
+_OF_INERTIA = {"_reference_mass", "lightest_motion"}
+
+
 class ReferenceState(Equations):
     """A mechanism's small motions about its undeformed state at rest.
 
     Its own stiffness and damping count, and its mass with all joints at 0 or where the loops close.
     """
 
+    def share_structure(self, like: ReferenceState) -> None:
+        """Take code, and what has been found, of a system that differs in numbers of its code alone."""
+        self.compiled.take_code_of(like.compiled)
+        self.mechanism.share_structure(like.mechanism)
+        if not self.mechanism.lifted:  # of which inertia is a number, too
+            vars(self).update({name: vars(like)[name] for name in _OF_INERTIA & vars(like).keys()})
+
     @cached_property
     def _reference_mass(self) -> Array:
         return self.mass_matrix(self.mechanism.rest_positions)
+
+    @cached_property
+    def lightest_motion(self) -> tuple[float, Array]:
+        """Least inertia of a motion in the reference state, over that of its coordinates alone, and its rates (n,)."""
+        M = self._reference_mass
+        sizes = np.sqrt(np.maximum(M.diagonal(), 0.0))
+        sizes[sizes == 0.0] = 1.0
+        least, vectors = np.linalg.eigh(M / np.outer(sizes, sizes))
+        return float(least[0]), vectors[:, 0] / sizes
 
     @cached_property
     def linear_forces(self) -> LinearForces:

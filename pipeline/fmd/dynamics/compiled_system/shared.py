@@ -25,7 +25,7 @@ def share_system(mechanism: Mechanism) -> CompiledSystem:
     structure = structure_of(system)
 
     def like_another() -> CompiledSystem:
-        system.compiled.take_code_of(_structures.get(structure, lambda: system).compiled)
+        system.share_structure(_structures.get(structure, lambda: system))
         return system
 
     return _shared.get((structure, *system.compiled.numbers.tolist()), like_another)
