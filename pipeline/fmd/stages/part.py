@@ -23,6 +23,7 @@ from fmd.scene.propeller import Propeller
 from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.scene import Scene
 from fmd.scene.values import Formulation
+from fmd.scene.variants import without_joint_numbers
 from fmd.stages.named_elements import find_sides, number_elements, stress_places
 from fmd.stages.part_inputs import (
     KeyedPart,
@@ -402,12 +403,12 @@ class FlexiblePart(KeyedPart):
 PART_STAGES: Mapping[str, Stage[Any]] = {stage.name: stage for stage in stages_of(FlexiblePart)}
 
 
-def part_of_scene(
-    scene: Scene, bare: Scene, name: str, store: StageStore, like: FlexiblePart | None = None
-) -> FlexiblePart:
-    """Make a flexible body's part; that of a scene like it is taken if both are equal ``bare`` of numbers of joints."""
-    if like is not None and like.bare == bare:
-        return like.beside(store)
-    part = FlexiblePart(scene, name, store, like)
-    part.bare = bare
-    return part
+def parts_of_scene(scene: Scene, store: StageStore, like: Mapping[str, FlexiblePart]) -> dict[str, FlexiblePart]:
+    """Make the parts of a scene's flexible bodies; those of one that differs in numbers of joints alone are taken."""
+    bare, parts = without_joint_numbers(scene), dict[str, FlexiblePart]()
+    for name in scene.flexible:
+        theirs = like.get(name)
+        alike = theirs is not None and theirs.bare == bare
+        parts[name] = theirs.beside(store) if theirs and alike else FlexiblePart(scene, name, store, theirs)
+        parts[name].bare = bare
+    return parts

@@ -21,9 +21,8 @@ from fmd.reduction.inertia import normal_blocks
 from fmd.scene.magnitudes import find_unusual
 from fmd.scene.scene import Scene
 from fmd.scene.source_files import collect_inputs
-from fmd.scene.variants import without_joint_numbers
 from fmd.stages.division import Division, complete_inertia, divide_parts
-from fmd.stages.part import FlexiblePart, part_of_scene
+from fmd.stages.part import FlexiblePart, parts_of_scene
 from fmd.stages.point_loads import limitless_nodes
 from fmd.stages.stage import ALL_PACKAGES, ALL_SOURCES, Stage, stages_of
 from fmd.stages.store import Log, StageStore
@@ -193,8 +192,7 @@ class Pipeline:
         self.while_timed: Callable[[], AbstractContextManager[None]] = nullcontext
         self.stands_alone, self.lifted, self.built = True, False, list[Any]()
         self.store = StageStore(cache or Cache(cache_folder() / "stages"), monitor, lambda: find_unusual(scene))
-        bare, theirs = without_joint_numbers(scene), like or {}
-        self.wholes = {name: part_of_scene(scene, bare, name, self.store, theirs.get(name)) for name in scene.flexible}
+        self.wholes = parts_of_scene(scene, self.store, like or {})
         if division is not None:
             wholes = {name: divided.whole for name, divided in division.divided.items()}
             self.wholes = {name: wholes[name] if name in wholes else division.parts[name] for name in self.wholes}
