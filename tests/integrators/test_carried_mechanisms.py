@@ -68,3 +68,20 @@ def test_random_mechanisms_take_the_cycles_of_the_scheme(seed: int, m: int, forc
     for found, expected in [*zip((march.end.q, march.end.v, march.end.a), state, strict=True), *within]:
         size = max(np.abs(expected).max(initial=0.0), 1e-300)
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * size)
+
+
+@pytest.mark.parametrize("forces", ["carried", "frozen"])
+@pytest.mark.parametrize("seed", SOME)
+def test_output_times_and_a_break_change_no_bit_of_whole_cycles(seed: int, forces: str) -> None:
+    made = random_mechanism(seed)
+    system, (q0, v0) = CompiledSystem(made.mechanism), made.state(seed)
+    if system.carried_cycle() is None:
+        pytest.skip("its cycles aren't compiled as a whole")
+    method, end = Subcycling(STEP, 5, forces), np.array([0.0, 0.06])
+    few = method.march(system, q0, 0.5 * v0, end)
+    many = method.march(system, q0, 0.5 * v0, np.linspace(0.0, 0.06, 50))
+    part = method.march(system, q0, 0.5 * v0, np.array([0.021]))
+    for state in (many.end, method.resume(system, part.end, end).end):
+        for name in ("q", "v", "a", "memory"):
+            assert (getattr(state, name) == getattr(few.end, name)).all()
+    assert (many.q[-1] == few.q[-1]).all()

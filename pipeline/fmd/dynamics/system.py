@@ -168,6 +168,18 @@ def cross_cycle(p: Any, cycle: Any, count: int, q: Array, v: Array, a: Array, be
 
 
 @singledispatch
+def cross_by_carried_forces(
+    p: Any, carried: Any, t: float, maps: Array, q: Array, v: Array, a: Array, memory: Array, begin: Array
+) -> bool:
+    """Take a major cycle by carried forces from time t [s]; true if the rates are then beyond bounds or not finite.
+
+    ``maps`` (17, n) are those of `fmd.dynamics.compiler.carried_cycle`, ``memory`` begins with the forces of the two
+    cycles before, and of this one and the last afterwards. ``begin`` is filled with the accelerations at the begin.
+    """
+    raise NotImplementedError
+
+
+@singledispatch
 def find_responses(p: Any, responses: Any, t: float, q: Array, v: Array, a: Array, X: Array) -> None:
     """Solve ``M̂ a = Q̂`` as `accelerations` does, and for unit forces: X, (n_blocks, n, 8), is M̂⁻¹.
 
@@ -290,6 +302,10 @@ class PlainSystem(Protocol):
 
     def cycle(self, h: float, count: int) -> Any:
         """Return fresh storage for `cross_cycle` over so many fast steps h, or none where `freeze_slow` serves."""
+        return None
+
+    def carried_cycle(self) -> Any:
+        """Return fresh storage for `cross_by_carried_forces`, or none where cycles aren't compiled as a whole."""
         return None
 
     def explain_failure(self, failure: StabilityError) -> None:

@@ -13,20 +13,19 @@ With ``z = h² k``, ``u_{j+1} = (2 − z) u_j − u_{j−1}``, S, R and P the su
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.system import System, accelerations, advance
+from fmd.dynamics.system import System, accelerations, advance, cross_by_carried_forces
 from fmd.integrators.fixed_step import begin_cycle, end_cycle, runs_away, sample_within, take_cycles, take_steps
 from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import State
 from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import contracted, inlined
-from fmd.kernels.table import Table, aligned
-from fmd.kernels.vectors import fill_vector, read_vector, write_vector
+from fmd.kernels.table import Table, aligned, whole_lines
 
 DEGREES = {"frozen": 0, "carried": 2}
 """Largest degree of the polynomial by which forces go on, by the name of the scheme."""
@@ -57,6 +56,30 @@ class CarriedSteps(Table):
     q_now: Array
     v_now: Array
     a_now: Array
+
+
+@dataclass(frozen=True)
+class WholeCarriedSteps(CarriedSteps):
+    """State of such a march whose cycles are one compiled function each, which takes the memory on, too."""
+
+    whole_maps: Array  # (3, 17, any): by degree, the maps of `fmd.dynamics.compiler.carried_cycle`
+    past: Array  # (2 n + 1,): memory at the begin of a cycle with samples
+
+
+def whole_carried_steps(steps: CarriedSteps) -> WholeCarriedSteps:
+    """Make the table of a march by whole cycles from that of its steps."""
+    n, n_slow, H = steps.v.size, steps.n_slow, steps.substeps * steps.h
+    (room,) = aligned(3 * 17 * whole_lines(n))
+    fast, half, maps = np.arange(n) >= n_slow, np.full(n, 0.5 * steps.h), room.reshape(3, 17, -1)
+    half[:n_slow] = 0.5 * H
+    k = np.where(fast, steps.k, 0.0)
+    by_v, by_a, by_r, by_r1, by_r2 = np.moveaxis(steps.maps, 2, 0)
+    slow = np.array([[H, H * H], [1.0, H], [0.0, 1.0]])[:, :, None]  # way, rate and acceleration by rate and this
+    parts = [np.where(fast, by_v, slow[:, 0]), by_r * k, by_r1 * fast, by_r2 * fast]
+    maps[:, :15, :n] = np.stack([*parts, np.where(fast, by_a + by_r, slow[:, 1])], axis=2).reshape(3, 15, n)
+    maps[:, 15, :n], maps[:, 16, :n] = k, half
+    own: dict[str, Any] = {each.name: vars(steps)[each.name] for each in fields(steps)}
+    return WholeCarriedSteps(**own, whole_maps=maps, past=np.zeros(2 * n + 1))
 
 
 def carried_steps(system: System, h: float, m: int, degree: int, state: State) -> CarriedSteps:
@@ -103,13 +126,10 @@ def _maps(k: Array, h: float, m: int) -> Array:
 def _begin_cycle(m: CarriedSteps, p: Any, nothing: Any, first: int, sampled: bool) -> None:
     """Evaluate all accelerations, and take the cycle."""
     n, H, offset, t = m.v.size, m.substeps * m.h, m.q.size - m.v.size, first * m.h
-    for i in range(m.n_slow):
-        m.v_now[i] = m.v[i] + 0.5 * H * m.a[i]
-    _go_half_a_step(m, n)
+    for i in range(n):
+        m.v_now[i] = m.v[i] + 0.5 * (H if i < m.n_slow else m.h) * m.a[i]
     accelerations(p, t, m.q, m.v_now, m.begin)
-    for k in range(m.breakpoints.size):
-        if t - H < m.breakpoints[k] <= t:
-            m.memory[2 * n] = 0.0
+    _forget_before_breakpoints(m, t)
     if sampled:
         copy(m.q, m.q_begin)
         for i in range(n):
@@ -119,6 +139,14 @@ def _begin_cycle(m: CarriedSteps, p: Any, nothing: Any, first: int, sampled: boo
         m.a[i] = m.begin[i]
         m.v[i] += H * m.a[i]
     advance(p, m.q, m.v, H, 0, m.n_slow)
+
+
+@inlined
+def _forget_before_breakpoints(m: CarriedSteps, t: float) -> None:
+    """Let the cycle that begins at a time t [s] carry no forces over a breakpoint."""
+    for k in range(m.breakpoints.size):
+        if t - m.substeps * m.h < m.breakpoints[k] <= t:
+            m.memory[2 * m.v.size] = 0.0
 
 
 @take_cycles.register(CarriedSteps)
@@ -131,109 +159,44 @@ def _take_cycles(m: CarriedSteps, p: Any, nothing: Any, first: int, count: int) 
     return count
 
 
-# Some entries at a time, by the widths in which compiled accelerations read and write them: a processor waits before it
-# reads a vector where single numbers have just been written.
-
-
-def _half_step(width: int) -> Any:
-    """Make the rates half a step later of some fast coordinates, from one on."""
-
-    @contracted
-    def go(m: CarriedSteps, i: int) -> None:
-        half = fill_vector(0.5 * m.h, width)
-        write_vector(m.v_now, i, read_vector(m.v, i, width) + half * read_vector(m.a, i, width))
-
-    return go
-
-
-def _crossing(width: int) -> Any:
-    """Make the way of some fast coordinates over a cycle, from one on."""
-
-    @contracted
-    def cross(m: CarriedSteps, maps: Array, n: int, offset: int, i: int) -> None:
-        q, v, a = read_vector(m.q, i + offset, width), read_vector(m.v, i, width), read_vector(m.begin, i, width)
-        r1, r2 = read_vector(m.memory, i, width), read_vector(m.memory, n + i, width)
-        r = a + read_vector(m.k, i, width) * q
-        way = read_vector(maps, i, width) * v + read_vector(maps, n + i, width) * a
-        rate = read_vector(maps, 5 * n + i, width) * v + read_vector(maps, 6 * n + i, width) * a
-        last = read_vector(maps, 10 * n + i, width) * v + read_vector(maps, 11 * n + i, width) * a
-        way = way + read_vector(maps, 2 * n + i, width) * r + read_vector(maps, 3 * n + i, width) * r1
-        rate = rate + read_vector(maps, 7 * n + i, width) * r + read_vector(maps, 8 * n + i, width) * r1
-        last = last + read_vector(maps, 12 * n + i, width) * r + read_vector(maps, 13 * n + i, width) * r1
-        write_vector(m.q, i + offset, q + (way + read_vector(maps, 4 * n + i, width) * r2))
-        write_vector(m.v, i, rate + read_vector(maps, 9 * n + i, width) * r2)
-        write_vector(m.a, i, last + read_vector(maps, 14 * n + i, width) * r2)
-        write_vector(m.r, i, r)
-
-    return cross
-
-
-def _remembering(width: int) -> Any:
-    """Make the memory of some fast coordinates' forces, from one on."""
-
-    @inlined
-    def remember(m: CarriedSteps, n: int, i: int) -> None:
-        write_vector(m.memory, n + i, read_vector(m.memory, i, width))
-        write_vector(m.memory, i, read_vector(m.r, i, width))
-
-    return remember
-
-
-_half_step_of_four, _half_step_of_two, _half_step_of_one = (_half_step(width) for width in (4, 2, 1))
-_cross_four, _cross_two, _cross_one = (_crossing(width) for width in (4, 2, 1))
-_remember_four, _remember_two, _remember_one = (_remembering(width) for width in (4, 2, 1))
-
-
-@inlined
-def _go_half_a_step(m: CarriedSteps, n: int) -> None:
-    """Find the rates of the fast coordinates half a step later."""
-    i = m.n_slow
-    while i + 4 <= n:
-        _half_step_of_four(m, i)
-        i += 4
-    if i + 2 <= n:
-        _half_step_of_two(m, i)
-        i += 2
-    if i < n:
-        _half_step_of_one(m, i)
-
-
-@inlined
+@contracted
 def _cross(m: CarriedSteps, maps: Array, n: int, offset: int) -> None:
     """Take the fast coordinates over a cycle."""
-    i = m.n_slow
-    while i + 4 <= n:
-        _cross_four(m, maps, n, offset, i)
-        i += 4
-    if i + 2 <= n:
-        _cross_two(m, maps, n, offset, i)
-        i += 2
-    if i < n:
-        _cross_one(m, maps, n, offset, i)
+    way, rate, last = maps[0], maps[1], maps[2]
+    for i in range(m.n_slow, n):
+        q, v, a, r1, r2 = m.q[i + offset], m.v[i], m.begin[i], m.memory[i], m.memory[n + i]
+        r = a + m.k[i] * q
+        m.q[i + offset] = q + (way[0, i] * v + way[1, i] * a + way[2, i] * r + way[3, i] * r1 + way[4, i] * r2)
+        m.v[i] = rate[0, i] * v + rate[1, i] * a + rate[2, i] * r + rate[3, i] * r1 + rate[4, i] * r2
+        m.a[i] = last[0, i] * v + last[1, i] * a + last[2, i] * r + last[3, i] * r1 + last[4, i] * r2
+        m.r[i] = r
 
 
 @take_steps.register(CarriedSteps)
 def _take_steps(m: CarriedSteps, p: Any, nothing: Any, first: int, done: int, count: int, sampled: bool) -> int:
     if sampled:
-        _follow(m, done)
+        _follow(m, m.r, m.memory, done)
     return 0 if done == 0 and runs_away(m.v) else count
 
 
 @inlined
-def _follow(m: CarriedSteps, done: int) -> None:
-    """Follow the coordinates from the cycle's begin to a step: positions before it, rates after it."""
+def _follow(m: CarriedSteps, r: Array, before: Array, done: int) -> None:
+    """Follow the coordinates from the cycle's begin to a step: positions before it, rates after it.
+
+    The cycle's forces are r, those of the cycles before are as in memory.
+    """
     n, h, steps, offset = m.v.size, m.h, m.substeps, m.q.size - m.v.size
-    degree = min(m.degree, int(m.memory[2 * n]))
+    degree = min(m.degree, int(before[2 * n]))
+    per_line, per_curve = (1.0 / steps if degree > 0 else 0.0), (0.5 / (steps * steps) if degree > 1 else 0.0)
     copy(m.q_begin, m.q_now)
     for i in range(m.n_slow):
         m.v_now[i], m.a_now[i] = m.v[i], m.a[i]
     for i in range(m.n_slow, n):
-        line = (m.r[i] - m.memory[i]) / steps if degree > 0 else 0.0
-        curve = (m.r[i] - 2.0 * m.memory[i] + m.memory[n + i]) / (2.0 * steps * steps) if degree > 1 else 0.0
+        line, curve = (r[i] - before[i]) * per_line, (r[i] - 2.0 * before[i] + before[n + i]) * per_curve
         x, rate, a = m.q_begin[i + offset], m.v_begin[i] + h * m.begin[i], m.begin[i]
         for step in range(1, done + 1):
             x += h * rate
-            a = m.r[i] + step * line + step * (step + steps) * curve - m.k[i] * x
+            a = r[i] + step * line + step * (step + steps) * curve - m.k[i] * x
             rate += h * a
         m.q_now[i + offset], m.v_now[i], m.a_now[i] = x, rate, a
 
@@ -259,13 +222,62 @@ def _end_cycle(m: CarriedSteps, p: Any, nothing: Any, first: int, samples: Sampl
 @inlined
 def _remember(m: CarriedSteps) -> None:
     """Remember the forces of a cycle."""
-    n, i = m.v.size, m.n_slow
-    while i + 4 <= n:
-        _remember_four(m, n, i)
-        i += 4
-    if i + 2 <= n:
-        _remember_two(m, n, i)
-        i += 2
-    if i < n:
-        _remember_one(m, n, i)
+    n = m.v.size
+    for i in range(m.n_slow, n):
+        m.memory[n + i] = m.memory[i]
+        m.memory[i] = m.r[i]
     m.memory[2 * n] = min(2.0, m.memory[2 * n] + 1.0)
+
+
+@begin_cycle.register(WholeCarriedSteps)
+def _begin_whole_cycle(m: WholeCarriedSteps, p: Any, carried: Any, first: int, sampled: bool) -> None:
+    """Take the cycle."""
+    if sampled:
+        copy(m.q, m.q_begin)
+        copy(m.v, m.v_begin)
+        copy(m.memory, m.past)
+    _cross_whole(m, p, carried, first)
+
+
+@end_cycle.register(WholeCarriedSteps)
+def _end_whole_cycle(
+    m: WholeCarriedSteps, p: Any, carried: Any, first: int, samples: Samples, first_sample: int
+) -> None:
+    """Leave the memory as the cycle has made it."""
+
+
+@take_steps.register(WholeCarriedSteps)
+def _take_whole_steps(
+    m: WholeCarriedSteps, p: Any, carried: Any, first: int, done: int, count: int, sampled: bool
+) -> int:
+    if sampled:
+        _follow(m, m.memory, m.past, done)
+    return 0 if done == 0 and runs_away(m.v) else count
+
+
+@sample_within.register(WholeCarriedSteps)
+def _sample_whole(m: WholeCarriedSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+    for i in range(v.size):  # Taylor's polynomial, which the next step continues
+        step, ahead = (m.substeps * m.h, s + done * m.h) if i < m.n_slow else (m.h, s)
+        rate = m.v_now[i] - 0.5 * (step - ahead) * m.a_now[i]
+        q[i] = m.q_now[i] + ahead * rate
+        v[i] = rate + 0.5 * ahead * m.a_now[i]
+
+
+@take_cycles.register(WholeCarriedSteps)
+def _take_whole_cycles(m: WholeCarriedSteps, p: Any, carried: Any, first: int, count: int) -> int:
+    for cycle in range(count):
+        if _cross_whole(m, p, carried, first + cycle * m.substeps):
+            return cycle + 1
+    return count
+
+
+@inlined
+def _cross_whole(m: WholeCarriedSteps, p: Any, carried: Any, first: int) -> bool:
+    """Take a cycle; true if the rates then run away."""
+    t, n = first * m.h, m.v.size
+    _forget_before_breakpoints(m, t)
+    known = m.memory[2 * n]
+    m.memory[2 * n] = min(2.0, known + 1.0)
+    maps = m.whole_maps[min(m.degree, int(known))]
+    return bool(cross_by_carried_forces(p, carried, t, maps, m.q, m.v, m.a, m.memory, m.begin))

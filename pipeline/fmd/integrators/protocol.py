@@ -44,9 +44,9 @@ class State:
 
     def copy(self) -> State:
         """Return the same state in new arrays, for a march to write into."""
-        q, v, a = aligned(self.q.size, self.v.size, self.a.size)
-        q[:], v[:], a[:] = self.q, self.v, self.a
-        return replace(self, q=q, v=v, a=a, memory=self.memory.copy())
+        q, v, a, memory = aligned(*(own.size for own in self.arrays))
+        q[:], v[:], a[:], memory[:] = self.arrays
+        return replace(self, q=q, v=v, a=a, memory=memory)
 
     @property
     def arrays(self) -> tuple[Array, Array, Array, Array]:

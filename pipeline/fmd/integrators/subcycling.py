@@ -11,6 +11,7 @@ m = 1 is central difference, bit for bit.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from fmd.dynamics.system import (
     freeze_slow,
     project_onto_constraints,
 )
-from fmd.integrators.carried import DEGREES, CarriedSteps, carried_steps
+from fmd.integrators.carried import DEGREES, CarriedSteps, carried_steps, whole_carried_steps
 from fmd.integrators.central_difference import CentralDifference, LeapfrogSteps
 from fmd.integrators.fixed_step import (
     FixedMarch,
@@ -152,18 +153,19 @@ class Subcycling(FixedStepIntegrator):
             return replace(CentralDifference(h).fixed_march(system), name=self.name)
         if system.n_contact_values:
             return self._touching_march(system)
-        whole = None if self.remembered else system.cycle(h, m)
+        whole = system.carried_cycle() if self.remembered else system.cycle(h, m)
 
         def make(state: State) -> FrozenSteps | WholeSteps | CarriedSteps:
             if self.remembered:
-                return carried_steps(system, h, m, DEGREES[self.forces], state)
+                steps = carried_steps(system, h, m, DEGREES[self.forces], state)
+                return steps if whole is None else whole_carried_steps(steps)
             now = aligned(system.n_positions, n)
             if whole is None:
                 return FrozenSteps(h, m, system.fast_places, state.q, state.v, state.a, *now)
             return WholeSteps(h, m, system.n_slow, state.q, state.v, state.a, *now, *aligned(n, n, n, n, n))
 
-        storage = system.leapfrog() if self.remembered else whole
-        return FixedMarch(self.name, make, system, system.frozen(m * h) if storage is None else storage, h, m)
+        stepwise = system.leapfrog if self.remembered else partial(system.frozen, m * h)
+        return FixedMarch(self.name, make, system, stepwise() if whole is None else whole, h, m)
 
     def _march_with_tangents(self, system: Any) -> FixedMarch:
         """Return what a system with tangents of its motion is marched with."""

@@ -16,9 +16,14 @@ from fmd.kernels.types import TableType, table_type, type_of
 _WORD = 8  # bytes
 
 
+def whole_lines(size: int) -> int:
+    """Return how many doubles the cache lines have that hold so many."""
+    return -(-size // DOUBLES_IN_LINE) * DOUBLES_IN_LINE
+
+
 def aligned(*sizes: int) -> list[Array]:
     """Zeroed vectors that each begin a cache line: straddling one costs a small kernel a third of its speed."""
-    lines = [-(-size // DOUBLES_IN_LINE) * DOUBLES_IN_LINE for size in sizes]
+    lines = [whole_lines(size) for size in sizes]
     block = np.zeros(sum(lines) + DOUBLES_IN_LINE)
     start = -(address_of(block) // _WORD) % DOUBLES_IN_LINE
     vectors = []

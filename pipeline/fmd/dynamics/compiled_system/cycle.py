@@ -1,4 +1,4 @@
-"""Sub-cycling of a compiled mechanism whose fast coordinates don't couple: a major cycle by one compiled function.
+"""Sub-cycling of a compiled mechanism by one function a major cycle: by tangents of uncoupled coordinates, or carried.
 
 Loads and motions that vary are evaluated at all fast steps of a cycle together, before it is taken. Times in which none
 of them changes are known, and the last values serve there.
@@ -9,9 +9,9 @@ from __future__ import annotations
 from fmd.core.arrays import Array
 from fmd.core.limits.stepping import RUNAWAY
 from fmd.dynamics.compiled_system.kernels import inputs_at, set_inputs
-from fmd.dynamics.compiled_system.parameters import TreeParameters, WholeCycle
+from fmd.dynamics.compiled_system.parameters import CarriedCycle, TreeParameters, WholeCycle
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.system import begin_whole_cycles, cross_cycle
+from fmd.dynamics.system import begin_whole_cycles, cross_by_carried_forces, cross_cycle
 from fmd.kernels.kernel import inlined
 from fmd.kernels.vectors import call_native
 
@@ -79,3 +79,20 @@ def _cross_cycle(p: TreeParameters, cycle: WholeCycle, count: int, q: Array, v: 
     cycle.steps[3] = min(count - 1, cycle.varying[0])
     call_native(cycle.cross, (p.inputs, cycle.steps, cycle.inverse_mass, cycle.ahead, q, v, a, begin))
     return not cycle.steps[5] < RUNAWAY * RUNAWAY
+
+
+@cross_by_carried_forces.register(TreeParameters)
+def _cross_by_carried_forces(
+    p: TreeParameters,
+    carried: CarriedCycle,
+    t: float,
+    maps: Array,
+    q: Array,
+    v: Array,
+    a: Array,
+    memory: Array,
+    begin: Array,
+) -> bool:
+    set_inputs(p, float(t))
+    call_native(carried.cross, (p.inputs, maps, q, v, a, memory, begin, carried.square))
+    return not carried.square[0] < RUNAWAY * RUNAWAY

@@ -138,6 +138,14 @@ class WholeCycle(Table):
 
 
 @dataclass(frozen=True)
+class CarriedCycle(Table):
+    """A major cycle by carried forces by one compiled function."""
+
+    cross: int  # address
+    square: Array  # (1,): the sum of the squares of the rates at the end
+
+
+@dataclass(frozen=True)
 class Responses(Table):
     """Compiled functions that find accelerations, and those of unit forces."""
 

@@ -19,6 +19,7 @@ from fmd.core.limits.code import BYTES_OF_OPERATION, MOST_IN_LEAP, MOST_TOGETHER
 from fmd.core.limits.stepping import MOST_TRIALS, SHARE_AHEAD, STEPS_AHEAD, STEPS_IN_ACTION
 from fmd.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
 from fmd.dynamics.compiled_system.parameters import (
+    CarriedCycle,
     ClosedCycle,
     ClosedParameters,
     CompiledParameters,
@@ -250,6 +251,12 @@ class CompiledSystem(ReferenceState):
         cycle = self._whole_cycles[count].renewed()
         cycle.steps[:2] = (h, count * h)
         return cycle
+
+    def carried_cycle(self) -> CarriedCycle | None:
+        """Fresh storage for a major cycle by carried forces; none where a leapfrog step is no function of its own."""
+        if not self._leapfrog.leap:
+            return None
+        return CarriedCycle(self.compiled.address("carried_cycle"), np.zeros(1))
 
     def _new_cycle(self, count: int) -> WholeCycle:
         signals, address, mass = self.compiled.signals, self.compiled.address, self.couplings.mass

@@ -189,7 +189,11 @@ class ChunkWriter(Writer):
 
     def multiply_diagonal(self, diagonal: Array, vector: list[Chunk]) -> list[Chunk]:
         """Write a constant diagonal matrix times a vector."""
-        pairs = zip(self.constant(diagonal), vector, strict=True)
+        return self.multiply_entries(self.constant(diagonal), vector)
+
+    def multiply_entries(self, one: list[Chunk], other: list[Chunk]) -> list[Chunk]:
+        """Write the products of the entries of two vectors."""
+        pairs = zip(one, other, strict=True)
         return [(self.binary("fmul", a, b, width), width) for (a, width), (b, _) in pairs]
 
     def multiply_matrix(self, matrix: Array, vector: list[Chunk]) -> list[Chunk]:

@@ -15,6 +15,7 @@ from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import ALWAYS, CONSTANT, Signal
+from fmd.kernels.table import whole_lines
 from fmd.reduction.inertia import InertiaIntegrals
 
 
@@ -59,19 +60,24 @@ class Coordinates:
         """Modal rates of a body."""
         return self.inputs_of_modes(body, "v")
 
-    def inputs_of_joint(self, body: int, argument: str) -> list[Scalar]:
-        """A joint's entries of an argument in the order of rates."""
-        first = int(self.mechanism.layout.rate[body])
+    def inputs_of_joint(self, body: int, argument: str, begin: int = 0) -> list[Scalar]:
+        """A joint's entries of an argument, whose entries from one on are in the order of rates."""
+        first = begin + int(self.mechanism.layout.rate[body])
         return [self.graph.scalar_input(argument, first + k) for k in range(self.mechanism.links[body].n_rates)]
 
-    def inputs_of_modes(self, body: int, argument: str) -> Vector:
-        """Entries of a body's modes of an argument in the order of rates."""
-        return self.graph.vector_input(argument, self.mechanism.modes_of(body))
+    def inputs_of_modes(self, body: int, argument: str, begin: int = 0) -> Vector:
+        """Entries of a body's modes of an argument, whose entries from one on are in the order of rates."""
+        return self.graph.vector_input(argument, [begin + place for place in self.mechanism.modes_of(body)])
 
     @property
     def leaping(self) -> Coordinates:
         """Inputs of this mechanism in the leapfrog method."""
         return LeapingCoordinates(self.graph, self.mechanism)
+
+    @property
+    def carrying(self) -> Coordinates:
+        """Inputs of this mechanism in cycles by carried forces."""
+        return CarryingCoordinates(self.graph, self.mechanism)
 
     @property
     def step(self) -> Scalar:
@@ -146,6 +152,25 @@ class LeapingCoordinates(Coordinates):
     def modal_rates(self, body: int) -> Vector:
         """Return a body's modal rates half a step later."""
         return combine([(1.0, super().modal_rates(body)), (self.step * 0.5, self.inputs_of_modes(body, "a"))])
+
+
+class CarryingCoordinates(Coordinates):
+    """Inputs of a mechanism in cycles by carried forces: rates are half a step behind, which the last maps hold."""
+
+    @property
+    def _halves(self) -> int:
+        return 16 * whole_lines(self.mechanism.n)
+
+    def joint_rates(self, body: int) -> list[Scalar]:
+        """Return a joint's rates half a step later."""
+        halves = self.inputs_of_joint(body, "maps", self._halves)
+        rates = zip(super().joint_rates(body), self.inputs_of_joint(body, "a"), halves, strict=True)
+        return [v + a * half for v, a, half in rates]
+
+    def modal_rates(self, body: int) -> Vector:
+        """Return a body's modal rates half a step later."""
+        halves = self.inputs_of_modes(body, "maps", self._halves)
+        return super().modal_rates(body) + self.inputs_of_modes(body, "a").times(halves)
 
 
 def _joint_numbers(mechanism: Mechanism) -> dict[tuple[int, str], float]:

@@ -42,7 +42,7 @@ class _Cycle(NamedTuple):
 def trace_cycle(inputs: Coordinates, frames: list[MovingFrame], damped: bool, count: int) -> list[Output]:
     """Trace a cycle, usually of ``count`` steps, and the sum of the squares of its rates into the last of ``steps``."""
     graph, mechanism = inputs.graph, inputs.mechanism
-    found = _in_places(mechanism, trace_accelerations(frames, ActingForces(inputs, frames)))
+    found = in_places(mechanism, trace_accelerations(frames, ActingForces(inputs, frames)))
     residual = trace_residual(inputs, frames)
     slow = [places[0] for places, value in found.items() if isinstance(value, Scalar) and places[0] < mechanism.n_slow]
     late = slow if len(slow) <= MOST_LATE else []
@@ -117,7 +117,8 @@ def _half_a_step_later(graph: Graph, places: tuple[int, ...], n_slow: int, like:
     return combine([(1.0, graph.vector_input("v", places)), *((step * 0.5, part) for step, part in terms)])
 
 
-def _in_places(mechanism: Mechanism, values: list[BodyValues]) -> _Values:
+def in_places(mechanism: Mechanism, values: list[BodyValues]) -> _Values:
+    """Return scalars of joints and vectors of modes by the places of their rates."""
     out: _Values = {}
     for number, body in enumerate(values):
         first = int(mechanism.layout.rate[number])

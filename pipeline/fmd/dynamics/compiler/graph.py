@@ -269,6 +269,11 @@ class Vector:
         product = self.graph.add("dot", (min(a.node, b.node), max(a.node, b.node)))
         return s * t * Scalar(self.graph, product)
 
+    def times(self, other: Vector) -> Vector:
+        """Return the products of its entries with those of a vector of this size."""
+        arguments = (min(self.node, other.node), max(self.node, other.node))
+        return Vector(self.graph, self.graph.add("products", arguments, size=self.size), self.size)
+
     def entry(self, place: int) -> Scalar:
         """Return one of its entries."""
         values = self.constant

@@ -125,5 +125,6 @@ _SEVERAL: dict[str, Callable[..., Any]] = {
     "negate": operator.neg,
     "invert": lambda x: 1.0 / x,
     "dot": _dot,
+    "products": operator.mul,
     "combine": _combine,
 }

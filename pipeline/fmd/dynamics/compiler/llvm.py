@@ -233,6 +233,8 @@ class _Emitter:
         if operation == "combine":
             pairs = zip(arguments[::2], arguments[1::2], strict=True)
             return self.out.combine([(self._scalars[s], self._vectors[v]) for s, v in pairs])
+        if operation == "products":
+            return self.out.multiply_entries(*(self._vectors[k] for k in arguments))
         if operation in OSCILLATED:
             if arguments not in self._oscillated:
                 scalars = [self._scalars[k] for k in arguments if k in self._scalars]

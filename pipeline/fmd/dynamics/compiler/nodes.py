@@ -18,8 +18,8 @@ class Node(NamedTuple):
     # Scalars: ``number``, ``input``, ``add``, ``subtract``, ``multiply``, ``negate``, ``invert``, one of
     # `functions.FUNCTIONS` or `functions.CHOICES`, ``piece`` of ascending constants that a scalar is in, ``pick`` of
     # constants by such a number, ``dot`` of two vectors, ``entry`` of one. Vectors: ``array``, ``vector input``,
-    # ``combine`` (scalar, vector, scalar, vector, …: the sum of the products), ``diagonal`` and ``matrix`` (constant,
-    # times a vector), and those of `oscillators.OSCILLATED`.
+    # ``combine`` (scalar, vector, scalar, vector, …: the sum of the products), ``products`` of two vectors' entries,
+    # ``diagonal`` and ``matrix`` (constant, times a vector), and those of `oscillators.OSCILLATED`.
     operation: str
     arguments: tuple[int, ...]  # numbers of the nodes that it takes, all smaller than its own
     # The number; which entry; the number of the constant array in `Graph.arrays`; where an input is.

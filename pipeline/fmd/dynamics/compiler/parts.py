@@ -232,7 +232,7 @@ class _Copy:
         operation, arguments, data, size = self._of.nodes[number]
         numbers = self._numbers
         copied = tuple([numbers[k] if k in numbers else self.add(k) for k in arguments])
-        if operation in ("add", "multiply", "dot"):
+        if operation in ("add", "multiply", "dot", "products"):
             copied = copied if copied[0] < copied[1] else copied[::-1]
         elif operation == "number":
             data = self._replace_number(data)  # type: ignore[arg-type]

@@ -76,7 +76,7 @@ def _flops(graph: Graph, number: int) -> int:
     if operation == "combine":
         ones = sum(graph.nodes[k].data == 1.0 for k in arguments[::2])
         return size * (len(arguments) - 1 - ones)
-    if operation == "diagonal":
+    if operation in ("diagonal", "products"):
         return size
     if operation == "matrix":
         return 2 * int(np.count_nonzero(graph.arrays[data])) - size  # type: ignore[index]

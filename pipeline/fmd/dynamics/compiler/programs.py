@@ -38,6 +38,7 @@ are filled:
   step of ``ahead`` the first one is, and the sum of the squares of the rates at the end;
   ``inverse_mass`` (n,): 1 over the masses of the fast coordinates, ``ahead`` (any, 3 n_signals, 8): inputs at eight
   fast steps after another, and ``begin`` (n,): accelerations at the cycle's begin;
+- ``maps`` (17, any), ``memory`` (2 n,), forces of two cycles, and ``square`` (1,), of rates: see `carried_cycle`;
 - ``K`` and ``C`` (n, n), ``X``, ``A`` and ``B`` (n_blocks, n, 8), ``frozen``, ``middle``, ``constant``,
   ``from_middle``, ``rate`` and ``last`` (n,) of ``middle`` and ``middle_step``: see `middle`;
 - ``clock`` (2,), ``constant``, ``slope``, ``load`` (n,), ``K`` and ``C`` (n_fast, n_fast): see
@@ -60,6 +61,7 @@ from typing import NamedTuple
 
 from fmd.dynamics.compiler.adjoints import trace_acceleration_adjoint, trace_rows_adjoint, trace_slope_adjoint
 from fmd.dynamics.compiler.algebra import times
+from fmd.dynamics.compiler.carried_cycle import trace_carried_cycle
 from fmd.dynamics.compiler.closures import ConstrainedForces, MultiplierForces, trace_reactions, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from fmd.dynamics.compiler.cycle import trace_cycle
@@ -85,7 +87,6 @@ from fmd.dynamics.mechanism import Mechanism
 
 Trace = Callable[..., list[Output]]
 """Traces a function's outputs for the frames of a mechanism, some also for a number of steps or a pattern."""
-
 
 _STATE = ("inputs", "q", "v")
 
@@ -247,10 +248,6 @@ def _closing_tangents(inputs: Coordinates, frames: list[MovingFrame]) -> list[Ou
     return _in_row("dw", 0, differentiate(inputs.graph, _row_accelerations(inputs, frames), seeds))
 
 
-def _closing(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _in_row("w", 0, _row_accelerations(inputs, frames))
-
-
 def _row_accelerations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Scalar]:
     """Accelerations of the constraints' residuals by those of the coordinates, the argument ``a``."""
     acting, numbers = ActingForces(inputs, frames), range(len(frames))
@@ -323,6 +320,7 @@ _MOTION = ("a", "moved", "drift", "by_inputs")
 _FROZEN = ("constant", "slope", "load", "K")
 _MIDDLE = ("clock", "A", "B", "constant", "from_middle", "rate", "last")
 _CYCLE = ("inputs", "steps", "inverse_mass", "ahead", "q", "v", "a", "begin")
+_CARRIED = ("inputs", "maps", "q", "v", "a", "memory", "begin", "square")
 _DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
 _ALONG = _DIRECTIONS[:3]
 _DPUSH = ("dpush", "dmodal")
@@ -375,6 +373,7 @@ DEFINITIONS = {
         lambda inputs, frames: trace_single(inputs, trace_residual(inputs, frames)),
     ),
     "cycle": Definition(_CYCLE, lambda inputs, frames, count: trace_cycle(inputs, frames, False, count), in_place=True),
+    "carried_cycle": Definition(_CARRIED, lambda inputs, _: trace_carried_cycle(inputs), in_place=True),
     "damped_cycle": Definition(_CYCLE, lambda inputs, frames: trace_cycle(inputs, frames, True, 0), in_place=True),
     "fast_step": Definition(
         ("clock", *_FROZEN, "C", "q", "v", "a"), lambda inputs, _: trace_fast_step(inputs, damped=True), in_place=True
@@ -405,7 +404,7 @@ DEFINITIONS = {
     "residuals": Definition((*_STATE, "g", "rates"), _residuals),
     "pulled_residual": Definition((*_STATE, "f", "a", "r"), _pulled_residual),
     "pushed_residual": Definition((*_STATE, "f", *_PUSH, "a", "r"), _pulled_residual),
-    "closing": Definition((*_STATE, "a", "w"), _closing),
+    "closing": Definition((*_STATE, "a", "w"), lambda *of: _in_row("w", 0, _row_accelerations(*of))),
     "residual_tangents": Definition((*_STATE, *_ALONG, *_CHANGES), _residual_tangents, lanes=(*_ALONG, *_CHANGES)),
     "closing_tangents": Definition((*_STATE, "a", *_PULLED), _closing_tangents, lanes=_PULLED),
     "reactions": Definition((*_STATE, "f", "wrenches"), _reactions),
