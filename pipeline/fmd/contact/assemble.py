@@ -16,7 +16,7 @@ from fmd.contact.tables import ContactTable
 from fmd.contact.touching_body import ContactPlane, TouchingBody
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.code import DOUBLES_IN_LINE
-from fmd.core.limits.contact import KNOWN_RESPONSES, MOST_POINTS, NEAR_RADIUS, NEAR_TRIANGLES
+from fmd.core.limits.contact import KNOWN_RESPONSES, MOST_POINTS, NEAR_RADIUS, NEAR_TRIANGLES, NEWTON_ROUNDS
 
 
 def contact_table(
@@ -295,7 +295,8 @@ def _friction_rooms(width: IntArray, rubs: bool) -> dict[str, Any]:
         **{name: np.zeros(len(counts), dtype=np.int64) for name in ("inverted", "swept", "n_known")},
         **{name: np.zeros(points, dtype=np.int64) for name in ("grip", "grip_then", "place_in")},
         **{name: np.zeros((points, 3)) for name in ("trial", "slack", "step", "settled")},
-        **{name: np.zeros(most) for name in ("left", "held", "response", "right")},
+        **{name: np.zeros(most) for name in ("left", "held", "response", "right", "mixed")},
+        "steps": np.zeros(NEWTON_ROUNDS * most),
         "pivots": np.zeros(most, dtype=np.int64),
         "lapack": lapack_addresses() if rubs else np.zeros(len(ROUTINES), dtype=np.int64),
         "words": WORDS.copy(),

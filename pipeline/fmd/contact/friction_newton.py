@@ -4,7 +4,8 @@ With y where points stand and u where they come to, ``u = y + D λ`` and ``λ = 
 ``u = 0``, open ones ``λ = 0``, those that slip ``u_n = 0`` and ``λ_t = μ p_n p_t/|p_t|`` with ``p = λ − u/ρ``. Unknown
 are λ of closed points, or u of those that don't stick, whichever are fewer. Each round finds states anew by p (Alart &
 Curnier, Comput Methods Appl Mech Eng 92, 1991), and turns slip within the cone (Hüeber, Stadler & Wohlmuth, SIAM J Sci
-Comput 30, 2008). Factors of the equations stay as long as states do and rounds settle by them.
+Comput 30, 2008). Factors of the equations stay as long as states do and rounds settle by them; steps by factors of an
+earlier round are corrected as of Broyden.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from fmd.contact.dense import dot, factor_equations, solve_equations
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
 from fmd.core.limits.code import DOUBLES_IN_LINE
-from fmd.core.limits.contact import KNOWN_RESPONSES, NEWTON_ROUNDS, SLOW_ROUND, SMALL_FORCE, TRIED_RATE
+from fmd.core.limits.contact import KNOWN_RESPONSES, MOST_CORRECTED, NEWTON_ROUNDS, SLOW_ROUND, SMALL_FORCE, TRIED_RATE
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.vectors import fill_vector, read_vector, write_vector
 
@@ -34,7 +35,7 @@ def find_forces_by_newton(c: ContactTable, g: int, least: float) -> bool:
         largest = max(largest, c.force[c.chosen[c.group[g] + own], 0])
     _note_states(c, g, largest == 0.0)
     _turn_places(c, g)
-    responded, begins, flexible = False, True, False
+    responded, anew, changed, flexible, kept = False, True, False, False, 0
     for _ in range(NEWTON_ROUNDS):
         closed, loose = 0, 0
         for own in range(count):
@@ -42,17 +43,21 @@ def find_forces_by_newton(c: ContactTable, g: int, least: float) -> bool:
             loose += 3 if c.grip[own] == OPEN else 2 if c.grip[own] == SLIPS else 0
         if c.inverted[g] != 1 and closed > count:
             return False
-        begins = begins or flexible != (c.inverted[g] != 1 or closed < loose)
+        anew = anew or flexible != (c.inverted[g] != 1 or closed < loose)
         flexible = c.inverted[g] != 1 or closed < loose
         if not (flexible or responded):
             _respond(c, g, SMALL_FORCE * largest * least + c.noise[g])
             responded = True
-        if begins:
+        if anew:
             _begin(c, g, flexible)
-        fresh = _solve_states(c, g, flexible)
+        elif changed:
+            _let_go(c, g, flexible)
+        kept = 0 if anew or changed else kept
+        fresh = _solve_states(c, g, flexible, kept)
+        kept = 1 if fresh == 1 else kept + 1
         if fresh < 0:
             return False
-        before, change, largest, begins = change, 0.0, 0.0, False
+        before, change, largest, anew, changed = change, 0.0, 0.0, False, False
         for own in range(count):
             i, grip = c.chosen[c.group[g] + own], c.grip[own]
             bound = _try(c, g, i, own)
@@ -63,7 +68,7 @@ def find_forces_by_newton(c: ContactTable, g: int, least: float) -> bool:
             if not abs(off0) + abs(off1) + abs(off2) < math.inf:  # which max passes over
                 return False
             change = max(change, abs(off0), abs(off1), abs(off2))
-            largest, begins = max(largest, n), begins or c.grip[own] != grip
+            largest, changed = max(largest, n), changed or c.grip[own] != grip
         rounded = change <= c.noise[g] / least and (fresh == 1 or change > 0.5 * before)
         if rounded or change <= SMALL_FORCE * largest:
             _note_displacements(c, g)
@@ -173,8 +178,10 @@ def _respond(c: ContactTable, g: int, small: float) -> None:
         for k in range(most):
             c.known_response[at + k], c.known_response[at + most + k] = c.left[k] / size, 0.0
             c.response[k] = 0.0
-        for k in range(n):
-            _add_row(c, c.P, g, k, c.known_response[at + k])
+        for own in range(c.n_chosen[g]):
+            on = at + 3 * own
+            f0, f1, f2 = c.known_response[on], c.known_response[on + 1], c.known_response[on + 2]
+            _add_rows(c, c.P, g, own, f0, f1, f2, c.response)
         for k in range(n):
             c.known_response[at + most + k] = c.response[k]
         _add(c, at + most, -size, n, True)
@@ -196,12 +203,15 @@ def _add(c: ContactTable, at: int, times: float, n: int, to_forces: bool) -> Non
 
 
 @inner
-def _add_row(c: ContactTable, X: Array, g: int, row: int, times: float) -> None:
-    """Add a row of P or D to the response."""
-    k, at, many = 0, c.first_entry[g, 0] + row * c.stride[g], fill_vector(times, DOUBLES_IN_LINE)
+def _add_rows(c: ContactTable, X: Array, g: int, own: int, f0: float, f1: float, f2: float, into: Array) -> None:
+    """Add a point's three rows of P or D, times a number each."""
+    k, at, stride = 0, c.first_entry[g, 0] + 3 * own * c.stride[g], c.stride[g]
+    one = fill_vector(f0, DOUBLES_IN_LINE)
+    two, three = fill_vector(f1, DOUBLES_IN_LINE), fill_vector(f2, DOUBLES_IN_LINE)
     while k < 3 * c.n_chosen[g]:
-        more = many * read_vector(X, at + k, DOUBLES_IN_LINE)
-        write_vector(c.response, k, read_vector(c.response, k, DOUBLES_IN_LINE) + more)
+        total = read_vector(into, k, DOUBLES_IN_LINE) + one * read_vector(X, at + k, DOUBLES_IN_LINE)
+        total = total + two * read_vector(X, at + stride + k, DOUBLES_IN_LINE)
+        write_vector(into, k, total + three * read_vector(X, at + 2 * stride + k, DOUBLES_IN_LINE))
         k += DOUBLES_IN_LINE
 
 
@@ -232,18 +242,30 @@ def _begin(c: ContactTable, g: int, flexible: bool) -> None:
 
 
 @inner
+def _let_go(c: ContactTable, g: int, flexible: bool) -> None:
+    """Let forces of points that have come to open be zero, or displacements of those that have come to stick."""
+    for own in range(c.n_chosen[g]):
+        i, first = c.chosen[c.group[g] + own], _first_unknown(c, own, flexible)
+        for a in range(3):
+            c.step[own, a] = 0.0
+            if a < first:
+                c.step[own, a] = -c.force[i, a] if flexible else -c.slack[own, a]
+    _move(c, g, flexible)
+
+
+@inner
 def _move(c: ContactTable, g: int, flexible: bool) -> None:
     """Add a step of the unknowns to them, and what follows from it to forces and displacements of all."""
     for own in range(c.n_chosen[g]):
         i = c.chosen[c.group[g] + own]
-        for k in range(3):
-            moved = 0.0
-            for a in range(3):
-                moved += c.turned[i, a, k] * c.step[own, a]
-            if moved != 0.0 and flexible:
-                _add_row(c, c.D, g, 3 * own + k, moved)
-            elif moved != 0.0:
-                _add_row(c, c.P, g, 3 * own + k, moved)
+        s0, s1, s2 = c.step[own, 0], c.step[own, 1], c.step[own, 2]
+        f0 = c.turned[i, 0, 0] * s0 + c.turned[i, 1, 0] * s1 + c.turned[i, 2, 0] * s2
+        f1 = c.turned[i, 0, 1] * s0 + c.turned[i, 1, 1] * s1 + c.turned[i, 2, 1] * s2
+        f2 = c.turned[i, 0, 2] * s0 + c.turned[i, 1, 2] * s1 + c.turned[i, 2, 2] * s2
+        if (f0 != 0.0 or f1 != 0.0 or f2 != 0.0) and flexible:
+            _add_rows(c, c.D, g, own, f0, f1, f2, c.response)
+        elif f0 != 0.0 or f1 != 0.0 or f2 != 0.0:
+            _add_rows(c, c.P, g, own, f0, f1, f2, c.response)
     for own in range(c.n_chosen[g]):
         i = c.chosen[c.group[g] + own]
         for a in range(3):
@@ -257,7 +279,7 @@ def _move(c: ContactTable, g: int, flexible: bool) -> None:
 
 
 @inner
-def _solve_states(c: ContactTable, g: int, flexible: bool) -> int:
+def _solve_states(c: ContactTable, g: int, flexible: bool, kept: int) -> int:
     """Take a step towards forces and displacements that suit the states.
 
     Returns 1 with equations factored for it, 0 with those kept, -1 if they are singular.
@@ -284,12 +306,31 @@ def _solve_states(c: ContactTable, g: int, flexible: bool) -> int:
         c.kept[0], c.kept[1] = g, 1 if flexible else 0
     if n > 0:
         solve_equations(c, n, width)
+        _correct_step(c, n, kept if same else 0)
     for own in range(c.n_chosen[g]):
         first = _first_unknown(c, own, flexible)
         for a in range(3):
             c.step[own, a] = c.right[c.place_in[own] + a - first] if a >= first else 0.0
     _move(c, g, flexible)
     return 0 if same else 1
+
+
+@inner
+def _correct_step(c: ContactTable, n: int, kept: int) -> None:
+    """Correct a step by what earlier ones with the same factors have changed (Broyden, Math Comput 19, 1965).
+
+    As in Kelley, Iterative Methods for Linear and Nonlinear Equations, SIAM 1995, from steps alone.
+    """
+    most, share = c.response.size, 0.0
+    for j in range(kept):
+        at = j * most
+        share = dot(c.steps, at, c.right, 0, n) / dot(c.steps, at, c.steps, at, n)
+        for k in range(n if j + 1 < kept else 0):
+            c.right[k] += share * c.steps[at + most + k]
+    times = 1.0 / (1.0 - min(share, MOST_CORRECTED))
+    for k in range(n):
+        c.right[k] *= times
+        c.steps[kept * most + k] = c.right[k]
 
 
 @inner
@@ -330,22 +371,22 @@ def _write_rows(
 ) -> None:
     """Write a point's equations for all unknowns: X times one part, by what follows from these, plus the other."""
     i, first, r = c.chosen[c.group[g] + own], _first_unknown(c, own, flexible), c.way
-    p, stride = c.first_entry[g, 0] + 3 * own * c.stride[g], c.stride[g]
     for a in range(first, 3):
         for k in range(3):  # turned to own axes
             r[0, k] = 0.0
             for b in range(3):
                 r[0, k] += of_all[a, b] * c.turned[i, b, k]
+        for k in range(c.mixed.size):
+            c.mixed[k] = 0.0
+        _add_rows(c, X, g, own, r[0, 0], r[0, 1], r[0, 2], c.mixed)
         row = (c.place_in[own] + a - first) * width
         for other in range(c.n_chosen[g]):
             left = _first_unknown(c, other, flexible)
-            if left == 3:
-                continue
-            j, at = c.chosen[c.group[g] + other], p + 3 * other
-            for k in range(3):
-                r[1, k] = r[0, 0] * X[at + k] + r[0, 1] * X[at + stride + k] + r[0, 2] * X[at + 2 * stride + k]
-            for b in range(left, 3):
-                entry = of_own[a, b] if other == own else 0.0
-                for k in range(3):
-                    entry += r[1, k] * c.turned[j, b, k]
-                c.M[row + c.place_in[other] + b - left] = entry
+            if left < 3:
+                j, at = c.chosen[c.group[g] + other], 3 * other
+                x0, x1, x2 = c.mixed[at], c.mixed[at + 1], c.mixed[at + 2]
+                for b in range(left, 3):
+                    entry = x0 * c.turned[j, b, 0] + x1 * c.turned[j, b, 1] + x2 * c.turned[j, b, 2]
+                    c.M[row + c.place_in[other] + b - left] = entry
+        for b in range(first, 3):
+            c.M[row + c.place_in[own] + b - first] += of_own[a, b]

@@ -162,6 +162,7 @@ class ContactTable(Table):
     swept: IntArray  # (n_groups,): sweeps of Gauss–Seidel with this D
     M: Array  # equations of the unknowns of Newton's method, a row each, or their factors
     right: Array  # (most rows of D,): their right sides, then what solves them
+    steps: Array  # (NEWTON_ROUNDS, as many), flat: steps by the same factors
     pivots: IntArray  # (as many,): rows that were exchanged, as LAPACK has them
     lapack: IntArray  # (4,): addresses of its routines
     words: IntArray  # (6,): what these are called with
@@ -176,6 +177,7 @@ class ContactTable(Table):
     left: Array  # (most rows of D,): gaps and slips without these, in own axes
     held: Array  # (as many): forces if no point moved
     response: Array  # (as many): rows of P, summed up
+    mixed: Array  # (as many): rows of a point, summed up
     known_response: Array  # (n_groups, known ones, 2, as many), flat: directions, and P times them
     n_known: IntArray  # (n_groups,): how many
     L: Array  # factor of the active part of N

@@ -22,6 +22,7 @@ SWEEPS = 2000  # of Gauss–Seidel in a step with friction, before they are give
 SWEEPS_PER_POINT = 0.25  # with the same points, after which their stiffness is found: it costs as much
 LATE_SWEEPS = 200  # in a step, after which Newton's method is tried whatever it costs
 SLOW_ROUND = 0.3  # of a round's change: a round with factors of an earlier one that leaves more has them made anew
+MOST_CORRECTED = 0.5  # of a step by the same factors: what earlier ones may tell that is left of it
 NEWTON_ROUNDS = 20  # of that method; it takes 1 to 10
 TRIED_RATE = 4.0  # times a point's flexibility with all others held: by more, states of tall columns go in circles
 KNOWN_RESPONSES = 48  # of held points that are kept: a plane's need 13 and one for each mode
