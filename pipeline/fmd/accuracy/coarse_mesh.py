@@ -1,7 +1,5 @@
 """A run and its scene on a coarser mesh: the gain in accuracy from one to the other, and the shapes that match."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +9,7 @@ from fmd.accuracy.quantities import find_counterparts, likeness_of, match_modes
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import Cache
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.errors import ALIKE, ALIKE_MODES, MIXED_MODE, MORE_COARSE_MODES
 from fmd.core.limits.round_off import SOLVED
 from fmd.reduction.body import FlexibleBody

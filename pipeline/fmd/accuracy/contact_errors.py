@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from fmd.accuracy.coarse_mesh import NO_COARSER_MESH
 from fmd.accuracy.error_estimates import NO_PART, Quantity, refinement_gain
 from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError, StabilityError
 from fmd.core.limits.contact import CHOSEN_STEP, FEWER_POINTS, LARGEST_STEP, LOOSER, MORE_MODES, SHORTER, STEPS_OF_SHOCK
 from fmd.core.limits.errors import SAFETY

@@ -5,12 +5,12 @@ of the distance below zero (Williams, J Appl Mech 19, 1952), and so does that of
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.accuracy.coarse_mesh import Pair
 from fmd.core.arrays import Array, BoolArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.errors import CLAMPED_EDGE, EDGE_RINGS, OF_WEDGE
 from fmd.core.rotations import rigid_motions
 from fmd.fem.surface import SurfaceTopology, reentrant_angles

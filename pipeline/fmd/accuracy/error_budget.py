@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_LIMIT, NO_PART, SOURCES, Row
@@ -12,6 +12,7 @@ from fmd.accuracy.ply_stress import PLY_ROWS, ply_row
 from fmd.accuracy.quantities import name_of_whole
 from fmd.accuracy.requested_stress import EXTREMES, request_key
 from fmd.accuracy.time_limit import TimeLimit
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.errors import LEAST_PART_OF_RUN, LEAST_SECONDS, SAFETY, TIMES_RUN, WHOLE_SECONDS
 from fmd.scene.scene import Scene
 from fmd.stages.pipeline import Pipeline

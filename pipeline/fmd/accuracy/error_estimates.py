@@ -7,13 +7,13 @@ computation, the error of the finer one is their difference over ``R − 1``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.errors import LEAST_SHOWN, MOST_OF_EIGENVALUE, NEAR_PEAK, SAFETY
 
 NO_PART = "no part in it"

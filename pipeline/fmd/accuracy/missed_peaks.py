@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +13,7 @@ from fmd.accuracy.error_estimates import OrientationQuantity, angles_between
 from fmd.accuracy.quantities import element_stresses, modal_coordinates, motion_quantities, name_of_whole
 from fmd.accuracy.requested_stress import EXTREMES, RequestedStress
 from fmd.core.arrays import Array, BoolArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.recovery import MISSED_PEAK
 from fmd.recovery.motion_file import OF_FORMULA, Variable
 from fmd.recovery.stress import von_mises

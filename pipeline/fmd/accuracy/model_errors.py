@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +28,7 @@ from fmd.accuracy.deflection import (
 from fmd.accuracy.quantities import find_counterparts
 from fmd.accuracy.time_limit import FAULTS, LeftOutError
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits import errors as limits
 from fmd.scene.variants import attach_roots_rigidly, damp_bodies
 from fmd.stages.division import part_of

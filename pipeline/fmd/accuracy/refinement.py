@@ -1,12 +1,13 @@
 """A target accuracy, met by refining what the error budget is made of, and numbers of pieces that a scene leaves."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from fmd.accuracy.deflection import find_deflection_error
 from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.accuracy.error_estimates import NUMERICAL, Row, percent
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits import errors as limits
 from fmd.core.limits.mesh import FEWEST_PIECES, MOST_PIECES_TRIED

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +11,7 @@ from fmd.accuracy.error_estimates import Quantity
 from fmd.accuracy.ply_stress import has_plies, ply_quantities
 from fmd.accuracy.quantities import modal_coordinates
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.recovery.envelope import stress_envelope
 from fmd.recovery.plies import StressOfPlies, modal_ply_stress

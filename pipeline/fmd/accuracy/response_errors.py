@@ -7,7 +7,6 @@ root of the sum of their squares.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +15,7 @@ from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
 from fmd.accuracy.mesh_excess import add_across, combine_modes, energy_excess
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.errors import SAFETY
 from fmd.core.limits.patience import OF_MORE_MODES, OF_TWO_MESHES
 from fmd.core.limits.responses import ERROR_BANDS, ERROR_DECADES, FINE_RATIO, POINTS_OF_BAND

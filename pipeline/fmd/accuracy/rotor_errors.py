@@ -4,13 +4,13 @@ They come from the variants by which frequency responses have theirs.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.accuracy.response_errors import SHIFTS, shift_frequencies, total_error
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.patience import OF_TWO_MESHES, WITH_RATES
 from fmd.core.progress import Advance
 from fmd.stages.pipeline import Pipeline

@@ -1,11 +1,12 @@
 """The way from a scene to its results: stages of the scene with the settings that its accuracy takes."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any
 
 from fmd.core.cache import Cache
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.core.progress import Monitor, silent
 from fmd.scene.scene import Scene

@@ -1,6 +1,6 @@
 """Comparison of a run with one of a richer basis, both marched so that time integration hardly counts."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from fmd.accuracy.changed_bodies import keep_lowest
@@ -9,6 +9,7 @@ from fmd.accuracy.details import is_reaction
 from fmd.accuracy.quantities import Quantities
 from fmd.accuracy.time_limit import LeftOutError
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits import errors as limits
 from fmd.core.limits.stability import SURELY_STABLE

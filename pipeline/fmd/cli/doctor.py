@@ -5,11 +5,11 @@ import os
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
 from fmd.cli.options import Json, print_json
+from fmd.core.data_classes import dataclass
 from fmd.core.paths import cache_folder, is_private, kernel_folder
 from fmd.core.processes import ChildError, run_child
 from fmd.render import rendering_check

@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.cli.robot import Pose, Shape
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 
 
 @dataclass(frozen=True)

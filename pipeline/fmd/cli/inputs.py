@@ -3,13 +3,13 @@
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 
 from cyclopts import Parameter
 
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.cli.options import Json, NoCache, Set
 from fmd.core.cache import Cache
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.progress import Bars
 from fmd.core.units import to_si

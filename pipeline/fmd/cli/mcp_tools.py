@@ -8,13 +8,13 @@ import os
 import sys
 import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import require_finite, write_text
 from fmd.output.notebook import draw_inline

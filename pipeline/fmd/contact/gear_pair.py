@@ -9,13 +9,13 @@ few tenths of a millimetre no element has to resolve. All is along the line of a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from fmd.core.arrays import Array, read_only
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.involute import GearPair, Tooth
 from fmd.core.limits.contact import GEAR_FORCES_SETTLE, GEAR_PASSES

@@ -8,7 +8,6 @@ linear in gaps and in flexibilities here, so that only turns and places leave an
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from fmd.contact.pushes import push_at_point
 from fmd.contact.round_laws import DEPTH, LOAD, POWER
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table
 

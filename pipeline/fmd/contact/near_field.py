@@ -9,7 +9,7 @@ half-space's is taken off, varies little over a contact. It is known from pairs 
 with H by Boussinesq and Cerruti and rows W that interpolate from nodes to the lowest place, or along the lowest line.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from fmd.contact.half_space import half_space_flexibility, point_flexibility
 from fmd.contact.surface_fit import Quadric, fit_quadric
 from fmd.contact.touching_body import ContactPoints, Grid
 from fmd.core.arrays import Array, BoolArray, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits import contact as limits
 
 

@@ -1,10 +1,9 @@
 """Surfaces of rigid bodies: points with a radius, and balls, boxes, pins and bores that points may touch."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 
 PLANE, BALL, BOX, PIN, BORE = range(5)
 """Kinds of primitives, as kernels know them; those from `PIN` on have an axis."""

@@ -1,13 +1,13 @@
 """Rows of numbers that a march notes of a mechanism's contacts at its output times, and what stands where in them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from fmd.contact.histories import N_VALUES, ContactHistory, read_history
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 
 
 class RecordedBody(Protocol):

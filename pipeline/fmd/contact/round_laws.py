@@ -5,7 +5,6 @@ as the pin: for each width of the contact, pressures that lift the strips out of
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
@@ -13,6 +12,7 @@ from scipy.special import ellipe, ellipkm1
 
 from fmd.contact.half_space import half_space_flexibility
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits import contact as limits
 
 DEPTH, LOAD, POWER, STORED, SIZE, GROWTH, PEAK = range(7)

@@ -1,10 +1,9 @@
 """Smooth surface through the nodes of a face, a plane or a quadric: spheres, cylinders, cones and ellipsoids are."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.contact import FIT_ROUNDS, OFF_SURFACE, ONE_QUADRIC
 
 

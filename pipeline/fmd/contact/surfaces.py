@@ -1,13 +1,13 @@
 """Surfaces of bodies that may touch: their points, and the triangles or planes before them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.contact.primitives import Primitive
 from fmd.contact.touching_body import ContactPair, ContactPlane, ContactPoints, TouchingBody
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.contact import EDGE_SOFTNESS, SHARP_EDGE
 
 

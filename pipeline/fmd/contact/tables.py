@@ -1,11 +1,10 @@
 """Arrays of a mechanism's contacts that kernels read and write."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fmd.contact.histories import IMPULSE
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.contact import MOST_POINTS, ROUNDED_PLACE
 from fmd.kernels.table import Table
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,7 @@ from fmd.contact.recorded import ContactRecord
 from fmd.contact.round_laws import RoundLaw
 from fmd.contact.surface_fit import is_flat
 from fmd.core.arrays import Array, BoolArray, IntArray, require_shape
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.contact import CARRYING
 
 

@@ -10,12 +10,12 @@ import json
 import os
 import tempfile
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from fmd.core.data_classes import dataclass
 from fmd.core.encoding import conforms, decode, encode
 from fmd.core.files import one_at_a_time, remove_abandoned
 from fmd.core.paths import is_private, source_digest

@@ -6,9 +6,9 @@ import ast
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.scene import FORMULAS_KEPT, LONGEST_FORMULA, MOST_DEPTH
 
 # Codes of the postfix program. A constant takes the next of the constants.

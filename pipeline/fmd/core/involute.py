@@ -5,11 +5,11 @@ here is that with y > 0. The fillet is the trochoid that the rounded corner of a
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.contact import ROLL_PASSES, ROUNDED_ROLL
 from fmd.core.newton import Tolerance, solve
 

@@ -6,11 +6,10 @@ joint, ``across 1`` and ``across 2`` complete a right-handed system with its axi
 a ``-`` before its name makes a direction the opposite one.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 
 JOINT_CONSTANTS = ("spring", "rest", "damper")
 """Numbers of joints with one coordinate that are inputs of equations: those of one structure may have others."""

@@ -7,13 +7,15 @@ of NetCDF knows, in the conventions of xarray: text as characters in UTF-8, NaN 
 import math
 import struct
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from os import SEEK_CUR
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from fmd.core.data_classes import dataclass
 
 _CHAR, _DOUBLE = 2, 6  # types of the format
 _DIMENSION, _VARIABLE, _ATTRIBUTE = 10, 11, 12  # its tags

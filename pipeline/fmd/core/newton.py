@@ -5,12 +5,12 @@ themselves, without allocating anything, and share `settles`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.newton import MOST_HALVINGS, STALLED
 from fmd.core.progress import check_for_interruption
 

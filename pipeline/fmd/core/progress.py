@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
 from typing import Protocol
 
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.patience import SAY_AFTER_SECONDS, SHOW_AFTER_SECONDS
 
 

@@ -2,9 +2,9 @@
 
 import ast
 from collections.abc import Collection
-from dataclasses import dataclass
 from functools import lru_cache
 
+from fmd.core.data_classes import dataclass
 from fmd.core.formula import OF_TIME, Formula, Part, TimeReader, parse_text, read_guarded
 from fmd.core.limits.scene import FORMULAS_KEPT
 

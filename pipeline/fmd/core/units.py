@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache, lru_cache
 from importlib.metadata import version
@@ -30,6 +29,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from fmd.core.cache import Cache
 from fmd.core.common_units import common_unit
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.scene import ANY_SIZE, FORMULAS_KEPT, LONGEST_QUANTITY, POSSIBLE
 from fmd.core.paths import cache_folder
 

@@ -2,12 +2,13 @@
 
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Self
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.fmu_law import FmuLaw
 from fmd.dynamics.signals.signal import TABLE, Signal, Term
 from fmd.dynamics.state_functions import HeldValue, Quantity, SignalValue, StateFunction

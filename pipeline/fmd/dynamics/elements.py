@@ -1,12 +1,13 @@
 """Force elements between two places of a mechanism: springs between points, and bushings."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import ClassVar, Self
 
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.contact import HARDLY_PRESSED
 from fmd.core.limits.mechanism import NO_LENGTH
 from fmd.core.limits.round_off import SUMMED

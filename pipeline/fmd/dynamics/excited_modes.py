@@ -7,12 +7,12 @@ modes under an in-plane motion stay at rest, and all but the evenly turned ones 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.transmitted_loads import loaded_places

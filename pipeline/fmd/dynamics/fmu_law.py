@@ -6,12 +6,12 @@ import tempfile
 import weakref
 from collections.abc import Callable, Sequence
 from contextlib import chdir, suppress
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import StabilityError, as_input_error
 
 # Weights of an FMU's inputs at the end of its step and the two samples before it, and of its output at a sample and the

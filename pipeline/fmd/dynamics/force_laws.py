@@ -4,12 +4,12 @@ Each law is an expression graph, which mechanisms compile and which NumPy evalua
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.formula import Formula
 from fmd.core.splines import spline_pieces
 from fmd.dynamics.compiler.differentiate import differentiate

@@ -1,12 +1,12 @@
 """Pieces of a formula on each of which it is smooth, and its integral however narrow its features are."""
 
 import math
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
+from fmd.core.data_classes import dataclass
 from fmd.core.formula import Formula
 from fmd.core.limits import loads as limits
 from fmd.dynamics.compiler.formulas import trace_formula

@@ -5,13 +5,13 @@ Frames, energies, momenta and forces of elements are those of the mechanism's gr
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.rotations import BodyFrame, displaced, rotation_matrix, turned
 from fmd.dynamics.closures import Place
 from fmd.dynamics.compiler.coordinates import ExactCoordinates

@@ -1,10 +1,10 @@
 """Pieces of force laws, on each of which a law is smooth, and the laws whose pieces a step may miss."""
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.elements import PointSpring
 from fmd.dynamics.force_laws import ForceLaw
 from fmd.dynamics.formula_pieces import LawPieces, divide_formula

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.joint_kinds import AXIS, ElementaryMotion, JointKind, find_direction
 from fmd.core.limits.round_off import SUMMED
 from fmd.dynamics.force_laws import ForceLaw

@@ -8,13 +8,14 @@ between bodies that both hang on others close loops: constraints between these c
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.closures import GROUND, Closure, Constraint, Coupler
 from fmd.dynamics.controllers import SampledController
 from fmd.dynamics.elements import Element

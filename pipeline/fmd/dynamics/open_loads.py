@@ -11,11 +11,12 @@ with the modal forces f of the loads that are known, and g of unit self-stresses
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mechanism import OPEN_MOMENTS, SHARED_MOMENTS
 from fmd.core.limits.rank import DEPENDENT_CONSTRAINT, SELF_STRESS_PART
 from fmd.core.limits.round_off import SOLVED

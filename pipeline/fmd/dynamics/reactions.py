@@ -1,11 +1,11 @@
 """Accelerations, and forces and moments of all joints, over a motion: those of the tree and those that close loops."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.mechanism import Mechanism
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Self
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.formula import ADD, CONSTANT, MULTIPLY
 from fmd.core.state_formula import CURVE, VARIABLE
 from fmd.dynamics.closures import GROUND, Place

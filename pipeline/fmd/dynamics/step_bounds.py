@@ -7,12 +7,12 @@ step follows the error takes over.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.stepping import INTO_PIECE, LEAST_PART, MOST_PART
 from fmd.kernels.kernel import inner, kernel
 from fmd.kernels.table import Table

@@ -8,12 +8,13 @@ From the leaves to the ground, Newton's and Euler's laws give what each joint tr
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mechanism import LEAST_SHARE
 from fmd.core.limits.memory import MOST_FORMS
 from fmd.core.limits.round_off import SOLVED

@@ -6,12 +6,11 @@ over the square of the coordinates, without any stress. It keeps a disc on a sha
 arms, from being weakened by its own turning.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.data_classes import dataclass
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,13 @@ move as the beam's axis and its sections do between the ends (Przemieniecki, The
 section 11.6), so ``Tᵀ M T`` is the consistent mass with rotary inertia; each turns in second order with its section.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms, join_arms, second_of_rigid
 from fmd.fem.beams import BeamLine

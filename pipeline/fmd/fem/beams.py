@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray, read_only
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mesh import FACE_IN_PLANE, ON_A_LINE
 from fmd.fem.cells.beam import BEAM
 from fmd.fem.cells.cell import SolidCell

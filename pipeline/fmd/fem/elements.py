@@ -1,13 +1,13 @@
 """Solid finite elements: shape functions, Jacobians, quadrature and local numbering."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, Literal, Protocol
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray, read_only
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.fem.cells.shape import CellShape
 

@@ -7,12 +7,12 @@ it.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray, IntArray, short_repr
+from fmd.core.data_classes import dataclass
 from fmd.fem.connections import Connections
 from fmd.fem.elements import Formulation
 from fmd.fem.mesh import SolidMesh

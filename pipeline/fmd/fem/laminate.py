@@ -12,13 +12,13 @@ from the lower face, and ``S = (∫ Tᵀ G⁻¹ T dz)⁻¹``; a single isotropic
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray, read_only
+from fmd.core.data_classes import dataclass
 from fmd.fem.material import PLANE, bond
 
 

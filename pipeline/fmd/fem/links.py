@@ -7,12 +7,13 @@ inertia is that of points on rigid arms, exact for every length of the arms.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mesh import RIGID_RESIDUAL, TIE_WHOLE
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms, join_arms, second_of_mean, second_of_rigid

@@ -1,12 +1,12 @@
 """Markers: mean displacement and rotation of a face as weights on its nodes, or a rigid face."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mesh import ON_A_LINE
 from fmd.core.limits.rank import WORST_RESULTANTS
 from fmd.core.limits.round_off import SUMMED

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import Array, IntArray, read_only, require_finite, require_shape, short_repr
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.fem.cells.cell import SolidCell
 from fmd.fem.cells.table import solid_cell

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import ClassVar
 
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray, IntArray, read_only, require_finite, require_shape
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mesh import ALIKE_DIRECTORS
 from fmd.fem.cells.cell import SolidCell
 from fmd.fem.cells.shell import SHELLS

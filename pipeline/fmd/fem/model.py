@@ -1,6 +1,6 @@
 """The finite element model: nodes, stiffness and mass of one body."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import ClassVar
 
@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, short_repr
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.modes import ROUNDED_ENERGY
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms

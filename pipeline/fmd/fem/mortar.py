@@ -13,13 +13,13 @@ contact, SIAM Journal on Scientific Computing 34, 2012.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mesh import TIE_COVERED, TIE_FACING, TIE_PAIRS_AT_ONCE, TIE_SHARE, TIE_WITHIN
 from fmd.core.limits.newton import LOCATING_CORRECTIONS
 from fmd.fem.cells.shape import skfem_quadrature

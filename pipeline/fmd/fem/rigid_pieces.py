@@ -1,13 +1,13 @@
 """Rigid pieces of a body: how its independent unknowns move where some of its points move as one."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.rotations import rigid_motions
 from fmd.fem.constraints import rows_of
 

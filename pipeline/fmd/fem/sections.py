@@ -6,13 +6,13 @@ the drawing; a circle is drawn as a polygon of its area, and its moments are put
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.files import ISOTROPIC
 from fmd.core.limits.mesh import FULLEST_TUBE, ROUND_CORNERS, STIFF_IN_SHEAR
 

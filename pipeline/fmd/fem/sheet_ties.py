@@ -14,7 +14,6 @@ Zienkiewicz, Xu, Zeng, Samuelsson & Wiberg, Linked interpolation for Reissner–
 Journal for Numerical Methods in Engineering 36, 1993.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +21,7 @@ import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mesh import ON_A_LINE, TIE_COVERED, TIE_PLACES, TIE_WITHIN
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import rigid_motions

@@ -6,12 +6,11 @@ made up. At folds and branches there are six. Mass is that of the layer between 
 it. The nodes themselves are points without mass, on which supports act.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms, second_of_rigid
 from fmd.fem.midsurface import Midsurface

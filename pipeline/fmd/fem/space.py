@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -14,6 +14,7 @@ import skfem
 from skfem.io.meshio import from_meshio
 
 from fmd.core.arrays import Array, IntArray, read_only
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.fem.elements import ElementKind, Formulation, inverse_and_determinant, jacobians, match_nodes, shape_functions
 from fmd.fem.material import AnyMaterial

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray, short_repr
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mesh import REENTRANT_ANGLE
 
 if TYPE_CHECKING:

@@ -1,13 +1,13 @@
 """Shells from midsurfaces: orientation, directors at the nodes, and the layer of solid cells between both faces."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from fmd.core.arrays import Array, BoolArray, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mesh import SHELL_FOLD
 from fmd.fem.mesh import SolidMesh, three_corners
 from fmd.fem.midsurface import Layup, Midsurface

@@ -1,12 +1,11 @@
 """Ties: faces of parts without common nodes, which stay together where they are near."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mesh import RIGID_RESIDUAL
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import rigid_motions

@@ -1,12 +1,13 @@
 """A scene as a function of some of its numbers: results of designs, in logarithms, and their derivatives."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.fitting import KEPT_DESIGNS
 from fmd.fitting.frozen_run import FrozenRun, require_like_meshes

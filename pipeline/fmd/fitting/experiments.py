@@ -1,12 +1,13 @@
 """Measured histories of a scene's first run, which the scene with other numbers has, too."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import CLOCK_DIFFERENCE
 from fmd.core.limits.round_off import SUMMED

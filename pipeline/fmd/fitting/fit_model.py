@@ -1,11 +1,12 @@
 """A scene as a function of some of its numbers: residuals against measurements, and their Jacobian."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.fitting import UNLIKE_SIZE
 from fmd.core.limits.round_off import SUMMED

@@ -1,12 +1,12 @@
 """Result of a fit of a scene's numbers to measurements: values, intervals, and what speaks against them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.fitting import AT_BOUND, DOUBTFUL, LAGS, NORMAL_95, POOR_FIT, SAME_MODE, STRONG_CORRELATION, WHITE
 from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
 from fmd.fitting.fit_model import FitModel

@@ -1,13 +1,14 @@
 """A scene's first run, marched again at other values of its numbers by the same method and the same steps."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import DIFFERENCE, DRAWN_DIFFERENCE, NEAR_DIFFERENCE, SAME_SHAPE
 from fmd.dynamics.compiled_system.closed_tangents import LinearisedAnewError

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError, InputError, as_input_error
 from fmd.core.limits.fitting import ENDLESS, MET, MOST_BANDS, MOST_DESIGNS, OPTIMUM, STATIONARY
 from fmd.fitting.designs import Design, DesignSpace

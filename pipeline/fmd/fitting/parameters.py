@@ -1,11 +1,11 @@
 """Numbers of a scene that results are differentiated by: found by their keys, and changed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, get_args
 
 from pydantic import BaseModel
 
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.core.units import QuantityReader, si_unit
 from fmd.scene.bodies import Deformable

@@ -4,13 +4,14 @@ Weighted sums of histories have theirs by many numbers at once, by the adjoint o
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
 
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array, IntArray, require_finite, require_shape
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.fitting import FEWEST_BY_ADJOINT, LEAST_READ_DIFFERENCE, READ_DIFFERENCE
 from fmd.dynamics.compiled_system.closed_tangents import LinearisedAnewError
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun

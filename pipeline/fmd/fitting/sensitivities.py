@@ -1,13 +1,14 @@
 """Derivatives of results by numbers of a scene."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import BETWEEN_EXTRAPOLATIONS, JUMP
 from fmd.core.limits.modes import SAME_FREQUENCY

@@ -1,12 +1,13 @@
 """Tangents of a run: how its motion changes with numbers that are inputs of its equations, marched beside it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.contact import MOST_POINTS
 from fmd.core.limits.fitting import TRIED_MOVES, TRIED_TIMES
 from fmd.core.limits.round_off import SOLVED

@@ -1,12 +1,12 @@
 """Uncertainty of results by tolerances of a scene's numbers, and which number most of it comes from."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.fitting import NORMAL_95
 from fmd.fitting.frozen_run import FrozenRun
 from fmd.fitting.parameters import Parameter

@@ -2,11 +2,11 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.units import parse_percentage, parse_quantity
 from fmd.fitting.parameters import Parameter, find_parameter

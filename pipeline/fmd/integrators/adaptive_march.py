@@ -5,11 +5,11 @@ A method is a `Table` of its numbers and room to work in, for which the function
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.stepping import HARDLY_MOVING
 from fmd.dynamics.step_bounds import StepBounds
 from fmd.dynamics.system import advance, project

@@ -9,13 +9,14 @@ of a method that chooses its steps it holds the states at which all of them begi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import singledispatch
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError, StabilityError
 from fmd.core.limits.fitting import WEIGHTS_LEFT
 from fmd.core.limits.memory import MOST_STEPS_KEPT

@@ -13,12 +13,13 @@ With ``z = h² k``, ``u_{j+1} = (2 − z) u_j − u_{j−1}``, S, R and P the su
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.system import System, accelerations, advance, cross_by_carried_forces
 from fmd.integrators.fixed_step import begin_cycle, end_cycle, runs_away, sample_within, take_cycles, take_steps
 from fmd.integrators.march_tables import Samples

@@ -5,13 +5,13 @@ Stable for ω_max h < 2.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.clock import read_clocks, seconds_since
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.stepping import LANE_STEPS
 from fmd.dynamics.system import System, advance, leapfrog_step
 from fmd.integrators.fixed_step import (

@@ -1,7 +1,6 @@
 """Count of the steps that a march by an adaptive method has before it, so that one without end is refused soon."""
 
-from dataclasses import dataclass
-
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import StabilityError
 
 

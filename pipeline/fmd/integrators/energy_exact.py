@@ -10,7 +10,7 @@ gradient (Gonzalez, J Nonlinear Sci 6, 1996), implicit in C alone.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from scipy.linalg import eigh
 from fmd.contact.histories import ENERGY
 from fmd.contact.sums import evaluate_contacts
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import StabilityError
 from fmd.core.limits.contact import EVEN_SHARE, EXACT_ROUNDS, EXACTLY_KEPT, FORCES_KNOWN
 from fmd.core.limits.newton import STALLED

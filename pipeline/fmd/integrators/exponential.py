@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from itertools import pairwise
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.system import System, accelerations, project
 from fmd.integrators.fixed_step import FixedMarch, SingleSteps, runs_away, sample_within, take_steps

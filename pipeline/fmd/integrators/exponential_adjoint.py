@@ -6,12 +6,12 @@ what weights these have goes from the end back, and through the equations at eac
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiled_system.adjoint_kernels import (
     StepsBack,
     accelerate_back,

@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import singledispatch
 from typing import Any
 
@@ -18,6 +18,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.clock import read_clocks, seconds_since
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import CYCLES_SECONDS, FIRST_CYCLES, MORE_CYCLES, RUNAWAY
 from fmd.core.threads import one_thread

@@ -7,13 +7,14 @@ Dyn 5, 2010). Newton's unknown is q̈_{n+1}.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import ConvergenceError, StabilityError
 from fmd.core.limits.newton import LEAST_MOVED, LEAST_PRESSED
 from fmd.dynamics.system import System, advance, remember_contacts

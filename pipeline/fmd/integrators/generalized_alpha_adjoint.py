@@ -7,12 +7,12 @@ matrix which is kept from step to step while it serves.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.newton import STALLED, STEP_ITERATIONS
 from fmd.core.limits.round_off import EXACT, SUMMED

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.stepping import FEWEST_LANES, RUNAWAY
 from fmd.dynamics.compiler.program import LANES
 from fmd.integrators.march_tables import Samples, Starts

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.errors import OF_TOLERANCE
 from fmd.core.limits.stepping import FEWEST_TIMES, MARGIN, MOST_TIMES, OF_RATES, STAYS, STILL_GROUP, THIRD_TOLERANCE

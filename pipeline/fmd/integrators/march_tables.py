@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.system import System, accelerations, velocities
 from fmd.integrators.protocol import State
 from fmd.kernels.kernel import inner, kernel

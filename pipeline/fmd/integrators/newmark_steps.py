@@ -5,10 +5,10 @@ converges fast.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.newton import (
     CONVERGED,
     DAMPED_ITERATIONS,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray, require_finite, require_shape, short_repr
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.newton import BALANCING_PART
 from fmd.core.limits.round_off import SUMMED
 from fmd.core.limits.stability import DAMPED

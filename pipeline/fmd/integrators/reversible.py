@@ -17,12 +17,13 @@ The middle's rates are predicted by a line through the mean rates v̄ of the las
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.code import DOUBLES_AT_ONCE, DOUBLES_IN_LINE
 from fmd.dynamics.system import System, advance, find_responses, project
 from fmd.dynamics.vibration import largest_leapfrog_step

@@ -15,12 +15,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.stepping import MOST_HALVED_STEPS, RATE_ROUND_OFF, ROSENBROCK_NUDGE, TICKS
 from fmd.dynamics.system import System, accelerations, velocities
 from fmd.integrators.adaptive import AdaptiveIntegrator

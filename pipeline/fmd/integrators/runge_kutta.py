@@ -13,13 +13,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.code import ROWS_AT_ONCE
 from fmd.core.limits.contact import CHOSEN_STEP
 from fmd.core.limits.stepping import DERIVED, LEAST_DERIVED

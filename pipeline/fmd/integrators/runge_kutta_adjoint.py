@@ -8,12 +8,12 @@ back, ``ū_k = (∂f/∂u)ᵀ K̄_k`` adds ``h a_kj ū_k`` to K̄_j and ū_k to 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.memory import MOST_BEGINS_KEPT
 from fmd.dynamics.compiled_system.adjoint_kernels import (
     StepsBack,

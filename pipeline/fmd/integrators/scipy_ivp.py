@@ -1,7 +1,6 @@
 """SciPy's adaptive methods on a mechanism, as references and as a fall-back where no other method fits."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -9,6 +8,7 @@ from scipy.integrate import DOP853, LSODA, Radau
 
 from fmd.core.arrays import Array
 from fmd.core.clock import read_clocks, seconds_since
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import FAR_OFF, MOST_SCIPY_STEPS, SCIPY_WINDOW, SHORTEST_STEP
 from fmd.dynamics.step_bounds import StepBounds, allowed_part_of, record_step_start_of

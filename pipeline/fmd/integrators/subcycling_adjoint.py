@@ -8,12 +8,12 @@ and by the state at the cycle's begin. By numbers that change the equations foll
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiled_system.adjoint_kernels import (
     StepsBack,
     advance_back,

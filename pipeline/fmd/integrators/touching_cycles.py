@@ -9,10 +9,10 @@ half kicks of velocity Verlet, whose step may change at any state.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.system import accelerations, is_pressed, may_touch
 from fmd.integrators.central_difference import LeapfrogSteps
 from fmd.integrators.fixed_step import begin_cycle, end_cycle, runs_away, sample_within, take_steps

@@ -8,13 +8,13 @@ turn of the elongation to the next, is missed.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import StabilityError
 from fmd.core.limits import stepping as limits
 from fmd.dynamics.law_pieces import PiecewiseLaw

@@ -10,10 +10,11 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from typing import Any
 
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.code import ROUNDS_AT_ONCE
 from fmd.kernels.arithmetic import compute, convert
 from fmd.kernels.expressions import Expressions

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+
+from fmd.core.data_classes import dataclass
 
 REAL, WHOLE, TRUTH, NOTHING = "double", "i64", "i1", "void"
 _NAMES = {REAL: "float", WHOLE: "int", TRUTH: "bool", NOTHING: "None"}

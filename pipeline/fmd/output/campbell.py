@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from fmd.accuracy.response_errors import NO_ERRORS
 from fmd.accuracy.rotor_errors import estimate_frequency_errors
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.files import write_table
 from fmd.core.limits import responses as limits
 from fmd.core.limits.shown import DRAWN_MODES

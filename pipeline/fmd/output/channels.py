@@ -1,12 +1,12 @@
 """Results of a run by their names: numbers, histories as in files of histories, and formulas of the motion."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.accuracy.quantities import find_counterparts
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.fitting import SAME_MODE
 from fmd.core.limits.round_off import SUMMED

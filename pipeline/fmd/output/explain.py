@@ -1,11 +1,12 @@
 """Forecast of a run: the stages that will run, come from the cache or be skipped, and the reasons."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any, Literal
 
 from fmd.accuracy.error_budget import ERROR_BUDGET, read_kept_errors
 from fmd.accuracy.solved_scene import SETTINGS, SolvedScene
 from fmd.core.cache import Cache, stage_key
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.memory import ALWAYS_FIT, SMALL_SYSTEM
 from fmd.core.paths import KERNEL_SOURCES, source_digest
 from fmd.output.output_kinds import kind_of, outputs_of

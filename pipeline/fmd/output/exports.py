@@ -1,12 +1,12 @@
 """Files of a scene for other tools: the mesh, the motion with stress, the reduced body."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fmd.core.data_classes import dataclass
 from fmd.output.formats import write_format
 from fmd.output.instants import choose_instants
 from fmd.output.output_kinds import OutputKind, read_body

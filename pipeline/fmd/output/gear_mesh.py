@@ -1,7 +1,6 @@
 """Static mesh of two spur gears as a chart, a table and figures with their errors by the mesh."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +8,7 @@ import numpy as np
 
 from fmd.contact.gear_pair import GearMeshAnswer, mesh_gears
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.files import write_table
 from fmd.core.html import scaled
 from fmd.core.involute import GearPair

@@ -3,12 +3,12 @@
 import base64
 import tempfile
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.core.html import facts
 from fmd.output.output_kinds import kind_of, kinds_that

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+from fmd.core.data_classes import dataclass
 from fmd.scene.outputs import OUTPUT_MODELS
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.accuracy.response_errors import NO_ERRORS, BandErrors, Request, ResponseErrors, estimate_response_errors
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import whole_file, write_table
 from fmd.core.limits.responses import AWAY_FROM_POLE, FINE_RATIO, NEAR_POLE, RESONANT, UNBOUNDED, UNDAMPED

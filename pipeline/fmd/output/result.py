@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ from fmd.accuracy.error_budget import Budget, state_errors
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array
 from fmd.core.cache import Cache
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.core.limits.shown import MANY_BODIES
 from fmd.core.progress import Bars, Monitor, silent

@@ -1,7 +1,7 @@
 """Response of a rotor in bearings to an unbalance, or to a force that goes round, over its rate of rotation."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from fmd.accuracy.response_errors import NO_ERRORS, total_error
 from fmd.accuracy.rotor_errors import RicherOrbits, find_richer_orbits
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.core.files import write_table
 from fmd.core.limits.patience import OF_TWO_MESHES

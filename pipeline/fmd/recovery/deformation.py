@@ -8,12 +8,12 @@ of the order θ² and of the order of the strain (Shabana, Dynamics of Multibody
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits import recovery as limits
 from fmd.core.limits.memory import DEFORMED_AT_ONCE, STRAINED_AT_ONCE
 from fmd.core.limits.round_off import SOLVED

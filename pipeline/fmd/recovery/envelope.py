@@ -6,12 +6,12 @@ that it stays in the processor's cache, and what is left of it are the extremes.
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.memory import ENVELOPE_FRAMES, ENVELOPE_NODES
 from fmd.recovery.stress import StressHistory
 

@@ -11,12 +11,13 @@ from __future__ import annotations
 import math
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.memory import FATIGUE_NODES, FATIGUE_ROUND, FATIGUE_STRETCHES
 from fmd.recovery.stress import StressHistory, von_mises
 

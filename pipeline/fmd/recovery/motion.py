@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray, short_repr
+from fmd.core.data_classes import dataclass
 from fmd.core.html import facts, scaled
 from fmd.core.limits.memory import TIMES_AT_ONCE
 from fmd.dynamics.kinematics import Kinematics

@@ -8,12 +8,12 @@ it bears twice the load.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.memory import PLIES_AT_ONCE
 from fmd.core.limits.recovery import INSIDE_PLY
 from fmd.fem.layered import Layered

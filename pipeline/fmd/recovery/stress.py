@@ -9,13 +9,14 @@ tensor, never summed themselves.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray, IntArray, require_shape, short_repr
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.memory import CACHED_NUMBERS, HIGHEST_NODES, STRAINED_AT_ONCE, STRESSED_FRAMES
 from fmd.core.limits.recovery import IN_A_ROW
 from fmd.core.limits.round_off import SOLVED

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray, short_repr
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.modes import ELASTIC_PART, NO_STIFFNESS, ROUNDED_PAIR
 from fmd.core.limits.rank import INDEPENDENT_MASS

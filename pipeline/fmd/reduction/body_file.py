@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import Array, IntArray, read_only, require_shape
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
 from fmd.fem.surface import SurfaceTopology

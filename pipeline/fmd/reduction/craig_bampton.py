@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from fmd.fem.model import FEModel
     from fmd.reduction.eigen import FreeBodySolver
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.modes import ELASTIC_FREQUENCY
 
 if TYPE_CHECKING:

@@ -8,7 +8,6 @@ their few unknowns know of the phase.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from scipy.sparse.linalg import LinearOperator, eigs, eigsh
 from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.mesh import SAME_PLACE
 from fmd.core.limits.modes import SHIFT_OF_CYCLIC, SPARE_MODES

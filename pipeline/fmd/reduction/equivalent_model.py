@@ -6,12 +6,13 @@ products, has exactly the same integrals in every frame: what refers a mesh to i
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.modes import MASSLESS, NO_FREQUENCY, OWN_FRAME
 from fmd.core.rotations import rigid_motions

@@ -1,12 +1,13 @@
 """The inertia shape integrals: all inertia integrals of a floating frame, exact in the finite element space."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, read_only, require_shape
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.reduction.second_order import SecondOrderFields, SecondOrderMass, second_order_fields, second_order_mass
 

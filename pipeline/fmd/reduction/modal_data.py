@@ -1,11 +1,12 @@
 """A flexible body as multibody programs' files hold it: inertia integrals, modal matrices, nodes with shapes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.fem.surface import SurfaceTopology
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from fmd.core.arrays import Array, short_repr
+from fmd.core.data_classes import dataclass
 from fmd.core.html import table
 from fmd.core.limits.modes import ROUNDED_PAIR
 from fmd.reduction.factor.figures import FactorFigures

@@ -22,11 +22,10 @@ with the inertia M₀ of the undeformed frame and its coupling W₀ with the mod
 ``Σ_a β_a (g_a + Σ_b N_ab f_b)`` with ``β_a = q̇ᵀ F_a q̇``.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fmd.core.arrays import EPSILON, Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mechanism import NO_MASS_LEFT
 from fmd.core.limits.rank import DEPENDENT_FIELD, FIELD_ROUND_OFF
 

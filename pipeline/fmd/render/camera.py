@@ -1,11 +1,11 @@
 """The camera of a picture: its direction, its distance, the size of the picture and its colour map."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.render.colours import LIGHT_TURBO, require_colour_map
 from fmd.render.projection import (
     PART,

@@ -1,8 +1,7 @@
 """Curves and bands of values as charts take them."""
 
-from dataclasses import dataclass
-
 from fmd.core.arrays import Array, read_only
+from fmd.core.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,6 @@
 """Films and stills of a whole mechanism, its flexible bodies coloured by their stress."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkProp, vtkTextActor
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.files import whole_file
 from fmd.render.annotations import add_colour_bar, add_heading, add_label, add_triad, cover_margins, format_number
 from fmd.render.camera import FILM_PIXELS, Camera

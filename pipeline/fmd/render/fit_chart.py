@@ -1,12 +1,12 @@
 """Charts of fits, histories and what is left of them, and of sensitivities, a bar for each number."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.fitting import GAP
 from fmd.render.charts import COLOURS, GREY, open_figure, style_axes
 

@@ -1,10 +1,11 @@
 """A mechanism as pictures and films show it: bodies, marks of joints and lines, at the instants of the frames."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray, require_shape
+from fmd.core.data_classes import dataclass
 from fmd.render.surface import Surface
 
 _EVERY = 50  # of the points inside count for the bounds of a motion, beside the outermost ones

@@ -1,12 +1,12 @@
 """Parallel projection of a part onto a picture, and the choice of its direction."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 
 # Places in the picture are fractions of it: left, right, bottom, top.
 Place = tuple[float, float, float, float]

@@ -1,7 +1,6 @@
 """Stability maps over two Courant numbers: growth in colours, and a surface of stable and unstable."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 
 from fmd.core.arrays import Array, require_shape
+from fmd.core.data_classes import dataclass
 from fmd.render.charts import open_figure
 
 LEAST_GROWTH, MOST_GROWTH = 1e-6, 10.0  # ends of the colour scale

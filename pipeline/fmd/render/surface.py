@@ -1,13 +1,12 @@
 """The visible surface of a part, its creases and the lines that show its form."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from fmd.core.arrays import Array, IntArray, read_only, require_shape
+from fmd.core.data_classes import dataclass
 
 CREASE = np.cos(np.radians(35.0))  # faces that meet at more than this angle keep a sharp edge
 

@@ -7,12 +7,12 @@ all are kept.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits import responses as limits
 from fmd.core.limits.round_off import SUMMED
 from fmd.responses.state_space import Channel, StateSpace, choose_frequencies

@@ -1,8 +1,9 @@
 """Inputs and outputs of a linear model: what acts on a mechanism, and what is observed of it."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.reduction.body import MarkerShapes
 
 Direction = tuple[float, float, float]

@@ -1,11 +1,11 @@
 """Random vibration: root mean squares of outputs by the spectral density of one input."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """Linear state-space models ``ẋ = A x + B u``, ``y = C x + D u`` with names and units, and their frequency response."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.files import whole_file
 from fmd.core.limits import responses as limits
 from fmd.core.limits.round_off import SUMMED

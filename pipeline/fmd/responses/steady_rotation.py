@@ -8,12 +8,12 @@ axis, so the motions in which the axis bends or tilts are left out of the search
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import eigh
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits import newton as limits
 from fmd.core.limits.responses import BENDS

@@ -1,12 +1,12 @@
 """Vibrations of what turns about an axis: their frequencies, damping, and the way in which they whirl."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.responses import ACROSS_AXIS, NO_ENTRY
 from fmd.core.limits.round_off import SOLVED
 from fmd.reduction.rotating import WhirlingModes, order_poles

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -11,6 +10,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.responses import PEAK_DIGITS, RIGID_POLE, WHIRL_CORRECTIONS, WHIRL_DIGITS, WHIRL_OFF_LINE
 from fmd.core.limits.round_off import SOLVED
 from fmd.reduction.rotating import WhirlingModes

@@ -2,10 +2,10 @@
 
 import re
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from fmd.core.data_classes import dataclass
 from fmd.core.units import unit_ratio
 from fmd.scene.contacts import check_bodies, check_faces, check_surface, check_wear_picture
 from fmd.scene.controllers import Controller

@@ -1,11 +1,12 @@
 """Tables of several kinds, of which a key says which one a table is."""
 
-from dataclasses import dataclass
 from typing import Any, get_args
 
 from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticKnownError, core_schema
+
+from fmd.core.data_classes import dataclass
 
 
 @dataclass(frozen=True)

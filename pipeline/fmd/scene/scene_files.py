@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy, deepcopy
-from dataclasses import dataclass
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.scene.inheritance import complete_bodies, find_template, move_files
 from fmd.scene.reading import Fault, Place, find_caller, join_errors, suggest_name

@@ -4,12 +4,12 @@ What stands beside a type as `Words` describes its values on the page about the 
 """
 
 import re
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, WithJsonSchema
 from pydantic_core import CoreSchema, core_schema
 
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.scene import SHORTEST_DIRECTION
 from fmd.core.units import Angle, AngularRate, Length, require_possible, to_si, unit_ratio
 

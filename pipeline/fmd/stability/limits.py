@@ -5,11 +5,11 @@ the reference state by the amplification matrix, and at operating points of the 
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.limits.stability import ALLOWED_GROWTH, BELOW_CRITICAL, BEYOND_LIMIT, BISECTIONS, SMALLEST_SHARE, SUMMIT
 from fmd.dynamics.compiled_system.reference_state import FreeMotion

@@ -9,12 +9,13 @@ this excess adds up to e-folds.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import StabilityError
 from fmd.core.limits import newton as limits
 from fmd.core.limits.stability import (

@@ -12,7 +12,6 @@ round; what a controller's state has added up doesn't count.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 
 from fmd.core import newton
 from fmd.core.arrays import Array, BoolArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits import stability as limits
 from fmd.core.limits.newton import SHORTEST_NORM

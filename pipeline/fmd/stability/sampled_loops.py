@@ -7,13 +7,13 @@ memories and of u over a common multiple of all sample times say how vibrations 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import lcm
 
 import numpy as np
 from scipy.linalg import expm
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.newton import NUDGE
 from fmd.core.limits.stability import LONGEST_CYCLE, RATE_NUDGE, SAME_SAMPLES
 from fmd.dynamics.compiled_system.sampling import Measurement

@@ -12,11 +12,10 @@ positions, rates half a step behind them, and the last accelerations, which pred
 gyroscopic terms are taken at.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.stability import MOST_SUBSTEPS, NO_RESTORING, SLOW_STEPS, STABLE_SHARE
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.vibration import frequencies

@@ -6,12 +6,13 @@ Its eigenvalues μ over a span τ grow at the rates ``ln|μ|/τ``, those of the 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import StabilityError
 from fmd.core.limits.memory import VALUES_AT_ONCE
 from fmd.core.limits.newton import NUDGE

@@ -5,11 +5,10 @@ Two unit masses, one slow and one fast, coupled through the mass matrix by β an
 ``Ω_S = ω_S h`` and ``Ω_L = ω_L m h``, on m and on β alone.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.limits.stability import HIGHEST_COURANT, SLOWNESS
 

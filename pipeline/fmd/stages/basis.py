@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.modes import RITZ_GENERATIONS
 from fmd.core.limits.rank import DEPENDENT_CONSTRAINT, NEW_RESIDUAL_VECTOR, NEW_RESPONSE

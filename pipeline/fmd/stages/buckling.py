@@ -10,13 +10,14 @@ elements, with the geometric stiffness of each body under its loads, and the wor
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.core.limits.modes import GROWTH, MOMENTS, SUSPECT
 from fmd.core.limits.rank import DEPENDENT_CONSTRAINT

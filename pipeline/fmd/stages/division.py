@@ -6,7 +6,7 @@ The names of the user's scene stay: its joints, drives and force elements act on
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.recovery.stress import StressHistory
 from fmd.reduction.inertia import add_normal_blocks

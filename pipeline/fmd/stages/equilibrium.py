@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError, InertiaError
 from fmd.core.limits import newton as limits
 from fmd.core.limits.round_off import EXACT

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.recovery.stress import STRESS_TENSOR
 from fmd.responses.ports import Direction, GroundPort, JointPort, LoadPort, MarkerPort, ModalPort, MotionPort, Port

@@ -1,10 +1,9 @@
 """Axes of places and joints, the joint that carries a flexible body, and what it means for the body's modes."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.round_off import EXACT, SUMMED
 from fmd.scene.joints.any_joint import Joint
 from fmd.scene.joints.joint import CarryingJoint

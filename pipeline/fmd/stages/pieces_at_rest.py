@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -12,6 +12,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.cache import stage_key
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mesh import COMPARED_FREQUENCIES, FAMILIES
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import move_loads

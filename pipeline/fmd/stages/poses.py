@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.shown import MOST_BENT, POSES_OF_A_JOINT
 from fmd.integrators.protocol import State, Trajectory
 from fmd.recovery.motion import Motion

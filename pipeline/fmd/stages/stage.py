@@ -7,11 +7,11 @@ caching, forecasting and logging are all derived from them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Generic, Protocol, TypeVar, overload
 
 from fmd.core.cache import stage_key
+from fmd.core.data_classes import dataclass
 from fmd.stages.store import StageStore
 
 T = TypeVar("T")

@@ -1,12 +1,13 @@
 """From a scene's formulas of the motion to functions of a mechanism's state."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError
 from fmd.core.formula import Formula
 from fmd.core.splines import spline_pieces

@@ -5,12 +5,13 @@ a body's second moments, and has no stiffness left at a critical rate.
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits import modes as limits
 from fmd.core.limits.stability import RIGID_TOLERANCE

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, TypeVar
 
 from fmd.core.cache import Cache
 from fmd.core.clock import read_clocks, seconds_since
+from fmd.core.data_classes import dataclass
 from fmd.core.progress import Advance, Monitor, silent
 from fmd.core.threads import one_thread
 

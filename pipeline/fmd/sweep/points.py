@@ -11,7 +11,6 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,6 +18,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.cache import stage_key
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.memory import MOST_TABLES
 from fmd.core.limits.scene import MOST_POINTS, RANGE_DIGITS

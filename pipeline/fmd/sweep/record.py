@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
+from fmd.core.data_classes import dataclass
 from fmd.core.files import renamed_file
 from fmd.output.error_columns import NO_BUDGET
 

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
+from fmd.core.data_classes import dataclass
 from fmd.core.files import remove_abandoned
 from fmd.core.progress import Monitor, silent
 from fmd.scene.scene import Scene

@@ -1,11 +1,11 @@
 """Cases of the verification suite: figures of ours beside published ones, each with its tolerance."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from importlib.resources import as_file, files
 
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.cache import Cache
+from fmd.core.data_classes import dataclass
 from fmd.scene.scene import load_scene
 from fmd.stages.pipeline import Pipeline
 

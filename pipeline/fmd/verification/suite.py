@@ -2,12 +2,13 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from fmd.core.cache import Cache
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import refusing, write_json, write_table
 from fmd.scene.reading import suggest_name

@@ -11,11 +11,11 @@ kept with its weights: the sum's derivative by whatever else is in them follows 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import CompiledParameters, TreeParameters
 from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, take_state

@@ -8,9 +8,8 @@ of the residual, which the factors that have found z solve for. Each fast step h
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.stepping import SHARE_AHEAD
 from fmd.dynamics.compiled_system.closed import push
 from fmd.dynamics.compiled_system.closed_tangents import (

@@ -9,9 +9,9 @@ round-off is left.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.newton import PROJECTIONS, STALLED
 from fmd.core.limits.round_off import ENLARGED

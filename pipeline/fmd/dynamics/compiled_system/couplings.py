@@ -1,13 +1,13 @@
 """Couplings between a mechanism's coordinates in any state, found by sampling its tangents at random ones."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits import mechanism as limits
 from fmd.core.limits.memory import MOST_SHARED
 from fmd.core.limits.round_off import SOLVED

@@ -12,9 +12,8 @@ is the motion's own frozen equation.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiled_system.parameters import ClosedCycle, CompiledParameters, FrozenCycle
 from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, set_time, take_state
 from fmd.dynamics.compiler.program import LANES

@@ -1,8 +1,7 @@
 """Arrays and addresses of a compiled mechanism that the integrators' kernels read and write."""
 
-from dataclasses import dataclass
-
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiler.turns import Turns
 from fmd.kernels.table import Table
 

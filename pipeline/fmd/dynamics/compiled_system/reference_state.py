@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
 from fmd.dynamics.compiled_system.equations import Equations
 from fmd.dynamics.linear_forces import LinearForces, gather_linear_forces, linearise_forces

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiled_system.kernels import take_leap
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.turns import Turns

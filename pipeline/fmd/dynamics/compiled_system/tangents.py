@@ -8,7 +8,6 @@ those of the tangents, eight to each.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from typing import Any
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiled_system.closed_cycle_tangents import ClosedCycleTangents
 from fmd.dynamics.compiled_system.closed_tangents import ClosedTangentParameters
 from fmd.dynamics.compiled_system.cycle_tangents import CycleTangents

@@ -7,7 +7,7 @@ evaluates them once a step takes them as it takes a spring's. This module is loa
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import cached_property, singledispatch
 from typing import Any
 
@@ -21,6 +21,7 @@ from fmd.contact.sums import copy_forces, evaluate_contacts, note_values, rememb
 from fmd.contact.tables import REMEMBERED, ContactTable
 from fmd.contact.touching_body import TouchingBody
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.contact import SHOCK_STEPS
 from fmd.dynamics.compiled_system.closed import keep_closed
 from fmd.dynamics.compiled_system.kernels import set_inputs

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from fmd.contact.held_points import HeldRoom, displace_held, held_room, place_be
 from fmd.contact.sums import note_values, remember
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.contact import NUMBERS_BESIDE, TOO_LITTLE_BESIDE, WAY_BESIDE
 from fmd.dynamics.compiled_system.closed_tangents import ClosedTangentParameters
 from fmd.dynamics.compiled_system.tangent_kernels import (

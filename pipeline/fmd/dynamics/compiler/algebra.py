@@ -1,9 +1,9 @@
 """Vectors of three or six scalars and small matrices of them, as lists."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiler.graph import Graph, Scalar, total
 
 Vector3 = list[Scalar]

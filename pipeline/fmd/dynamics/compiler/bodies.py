@@ -18,11 +18,10 @@ from q, ``ṡ = f q̇``: all of the above holds for (q, s), and its terms of s a
 `fmd.reduction.second_order`).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.round_off import SUMMED
 from fmd.dynamics.compiler.algebra import (
     Matrix,

@@ -6,11 +6,10 @@ that of the modes' unit mass and the body's size, for markers the largest entry 
 by that share at most, and an entry above it is kept: a part that is nearly plane stays spatial.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.round_off import SOLVED, SUMMED
 from fmd.dynamics.links import Link
 from fmd.reduction.body import MarkerShapes

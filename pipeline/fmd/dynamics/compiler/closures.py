@@ -13,11 +13,12 @@ The accelerations of the tree alone give g̈₀, unit multipliers on the tree at
 ``S = J M̂⁻¹ Jᵀ``; with ``S λ = −g̈₀`` the mechanism accelerates by ``a + X λ`` (index 1).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mechanism import CLOSED_SHARE
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.closures import Closure, Coupler

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.mechanism import SHORTEST_SPRING
 from fmd.dynamics.compiler.algebra import (
     Vector3,

@@ -7,12 +7,13 @@ modal damping, and ``inputs`` holds three places for each load and motion, those
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.joint_kinds import JOINT_CONSTANTS
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.differentiate import differentiate

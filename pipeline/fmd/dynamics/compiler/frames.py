@@ -11,11 +11,12 @@ from the axes of b into the parent's, S the joint's free directions, and β, γ 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.round_off import EXACT
 from fmd.dynamics.compiler.algebra import (
     Matrix,

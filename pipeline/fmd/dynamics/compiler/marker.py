@@ -5,11 +5,10 @@ with the rotation vector ``θ = Ψ q + ½ qᵀ displacement2 q``; their terms of
 `MarkerShapes.displacement2`.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.round_off import SUMMED
 from fmd.dynamics.compiler.algebra import Matrix, Vector3, add, constants, cross, dot, identity, scale, tilde, times
 from fmd.dynamics.compiler.cleaning import clean_direction

@@ -14,11 +14,11 @@ from rest beside them.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiler.graph import Scalar, Vector, combine
 from fmd.dynamics.compiler.program import LANES
 

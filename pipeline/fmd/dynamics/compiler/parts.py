@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.code import LONG_PROGRAM, MOST_COPIED, MOST_IN_PART, MOST_ON_STACK, STANDING
 from fmd.dynamics.compiler.chunks import chunk_widths
 from fmd.dynamics.compiler.graph import Graph

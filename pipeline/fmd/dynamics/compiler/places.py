@@ -1,8 +1,7 @@
 """Motion of places of a mechanism in space, on bodies or on the ground, and what acts there."""
 
-from dataclasses import dataclass
-
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.closures import GROUND, Place
 from fmd.dynamics.compiler.algebra import (
     Matrix,

@@ -1,11 +1,12 @@
 """Programs: what of a graph a compiled function computes, and where its arguments hold it."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiler.functions import CHOICES, FUNCTIONS
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
 from fmd.dynamics.compiler.nodes import Place

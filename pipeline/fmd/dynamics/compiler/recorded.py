@@ -3,9 +3,9 @@
 The constants keep what the march takes for round-off.
 """
 
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.memory import MOST_SHARED
 from fmd.core.recently_used import RecentlyUsed
 from fmd.dynamics.closures import Place

@@ -18,11 +18,12 @@ so that n modes cost of the order of n, and a cube only of Q's few rows. The mod
 has rows in this span too, and is a part of F as what a child carries.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiler.algebra import (
     Matrix,
     SymmetricFactor,

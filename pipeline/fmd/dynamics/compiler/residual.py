@@ -7,8 +7,7 @@ A joint's load is the force that moves a body and all that it carries, whatever 
 springs, dampers, drives, friction and gears together.
 """
 
-from dataclasses import dataclass
-
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiler.algebra import Vector6, add, cross, dot, rotate, scale, subtract, times, transpose
 from fmd.dynamics.compiler.bodies import trace_inertia
 from fmd.dynamics.compiler.closures import ConstrainedForces, trace_rows

@@ -16,12 +16,12 @@ end, which without deflection is a multiple of its displacement in some mode. So
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.rank import NO_SQUARE
 from fmd.dynamics.compiler.algebra import Matrix, add, constants
 from fmd.dynamics.compiler.cleaning import orthonormal_rows

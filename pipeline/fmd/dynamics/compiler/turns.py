@@ -5,12 +5,12 @@ A quaternion e, its real part last, has the rate ``½ e ∘ (ω, 0)``. In a time
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiler.algebra import add, cross, dot, scale
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.graph import Graph, Scalar

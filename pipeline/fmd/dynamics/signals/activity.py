@@ -1,12 +1,12 @@
 """Activity of a signal before a march: the times at which it acts, and those at which it begins to vary fast."""
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits import loads as limits
 from fmd.dynamics.signals.bounds import PieceBounds, Series
 from fmd.dynamics.signals.signal import Signal

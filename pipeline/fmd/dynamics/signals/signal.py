@@ -6,7 +6,6 @@ and acceleration of a prescribed motion belong together by construction.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Literal
@@ -15,6 +14,7 @@ import numpy as np
 
 from fmd.core import formula as operation
 from fmd.core.arrays import Array, require_shape
+from fmd.core.data_classes import dataclass
 from fmd.core.formula import Formula
 from fmd.core.limits.loads import PIECES_APART
 from fmd.core.splines import spline_pieces

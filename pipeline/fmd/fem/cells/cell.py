@@ -1,11 +1,11 @@
 """A type of solid cell: its shape, its nodes, the elements on it, and its names in the files of other programs."""
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray, read_only
+from fmd.core.data_classes import dataclass
 from fmd.fem.cells.shape import CellShape, Corners
 from fmd.fem.elements import ElementKind, match_nodes
 

@@ -3,12 +3,13 @@
 import re
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.files import DEEPEST_SETS
 from fmd.fem.cells.table import CELLS, is_solid
 from fmd.fem.formats.abaqus_links import AbaqusLinks, DeckPoints

@@ -1,11 +1,12 @@
 """Links, equations, springs and lumped masses in input files of Abaqus and CalculiX."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.fortran import read_real
 from fmd.fem.connections import (
     Connections,

@@ -3,10 +3,11 @@
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
+from fmd.core.data_classes import dataclass
 from fmd.core.fortran import read_field
 from fmd.fem.formats.ansys_links import AnsysLinks, Element
 from fmd.fem.formats.ansys_sections import AnsysSection, beam_element, beam_section, shell_section

@@ -1,11 +1,12 @@
 """Sections of shells and beams in Ansys' decks."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.fortran import read_field
 from fmd.core.limits.files import UPRIGHT_BEAM
 from fmd.fem.formats.ansys_links import Element

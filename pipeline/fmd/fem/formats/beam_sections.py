@@ -1,12 +1,13 @@
 """Sections, orientation and offsets of the beams of a deck, and what of them isn't read."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.fortran import read_field, read_real
 from fmd.core.limits.files import ISOTROPIC
 from fmd.core.limits.mesh import FULLEST_TUBE, MOST_TUBES

@@ -1,13 +1,14 @@
 """Import of a solid mesh from a file of another program: reading, checks and mends."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError, as_input_error
 from fmd.core.limits.files import LARGEST_COORDINATE, MOST_MESH_BYTES
 from fmd.fem.cells.table import CELLS, is_solid, solid_cell

@@ -1,11 +1,12 @@
 """A finite element model without elements, of another program's matrices."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.files import UNMATCHED_FIELD
 from fmd.core.rotations import rigid_motions

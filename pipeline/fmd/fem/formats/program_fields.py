@@ -1,12 +1,12 @@
 """Displacements and stress that another finite element program has computed at a body's nodes, from its files."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 
 CSV_HEADER = ("case", "node", "ux", "uy", "uz", "sxx", "syy", "szz", "syz", "sxz", "sxy")
 _FRD_COMPONENTS = {"DISP": ("D1", "D2", "D3"), "STRESS": ("SXX", "SYY", "SZZ", "SYZ", "SZX", "SXY")}

@@ -1,11 +1,12 @@
 """A mesh as its file gives it: blocks of cells of any type and named sets, not yet checked."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.fem.connections import Connections
 from fmd.fem.formats.beam_sections import DeckBeams
 from fmd.fem.midsurface import DeckPly

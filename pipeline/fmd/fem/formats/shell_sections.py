@@ -1,11 +1,12 @@
 """Thickness, offset and layers of the shells of a deck, by element, and what of its sections isn't read."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.fortran import read_field, read_real
 from fmd.fem.formats.raw_mesh import BlockShells, MeshFileError, ShellSection, at_all_nodes
 from fmd.fem.midsurface import DeckPly

@@ -7,13 +7,14 @@ displacements of two nodes stays. The rest is lumped: forces and moments on a no
 cause become those of a rigid body on the node. The inertia of the whole is exact by that.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.files import ISOTROPIC
 from fmd.core.rotations import rigid_motions

@@ -1,12 +1,12 @@
 """Generated sources of an FMU: sizes, tables and functions of its mechanism, and its integrator's coefficients."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.shown import NUMBERS_A_LINE
 from fmd.core.limits.stepping import DAMPED_STEP
 from fmd.dynamics.compiled_system.system import CompiledSystem

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.dynamics.compiler.external import ExternalMechanism
 from fmd.dynamics.compiler.external_quantities import ExternalQuantity
 from fmd.dynamics.links import Link

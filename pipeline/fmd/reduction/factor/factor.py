@@ -5,7 +5,6 @@ Its size is known from the elimination tree before anything is factorised, so on
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any, Literal
 
@@ -13,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.memory import (
     BYTES_FOR_CHOLMOD,

@@ -1,6 +1,6 @@
 """Figures of a factorisation as plain data, which is read without loading a solver."""
 
-from dataclasses import dataclass
+from fmd.core.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

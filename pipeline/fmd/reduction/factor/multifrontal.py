@@ -8,7 +8,6 @@ Liu, The multifrontal method for sparse matrix solution: theory and practice, SI
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,6 +15,7 @@ from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.memory import BYTES_FOR_FRONTS, FRONT_ZEROS, SHARE_OF_ZEROS
 from fmd.core.limits.modes import SINGULAR

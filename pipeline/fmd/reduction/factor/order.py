@@ -5,13 +5,13 @@ too, so that its elimination right before the corner's fills in nothing more tha
 decides), and a separator of the corners is one of all nodes. So corners alone are ordered, a sixth of the nodes.
 """
 
-from dataclasses import dataclass
 from importlib.util import find_spec
 
 import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import IntArray
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.memory import MOST_COUPLED, SHIFTED_BLOCKS
 from fmd.kernels.kernel import kernel
 from fmd.reduction.factor.superlu import superlu

@@ -15,12 +15,13 @@ Wallrapp, Standardization of flexible body modeling in multibody system codes, M
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.limits.files import LOST_BY_SUBTRACTION, SAME_INTEGRAL, STIFFENS
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals

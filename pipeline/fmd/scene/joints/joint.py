@@ -1,12 +1,12 @@
 """Tables of joints of any kind: coordinates at the start, forces along them, and marks in pictures."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.joint_kinds import JointKind
 from fmd.core.units import Angle, AngularRate, NonNegative, Positive, Torque
 from fmd.scene.force_elements import AngleStop, LengthStop, TurningDamping, TurningStiffness

@@ -8,7 +8,7 @@ import re
 import shutil
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path
 from types import MappingProxyType
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.data_classes import dataclass
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.mesh import CAD_DIGITS, CAD_ELEMENTS
 from fmd.core.limits.patience import CAD_SECONDS, CAD_SECONDS_PER_ELEMENT, READING_BYTES, READING_SECONDS
