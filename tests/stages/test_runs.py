@@ -14,6 +14,7 @@ from fmd.core.errors import InputError, StabilityError
 from fmd.core.limits.stability import ALLOWED_GROWTH
 from fmd.integrators.automatic import Automatic
 from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.side_by_side import time_by_turns
 from fmd.stages import runs, stiffening_check
 
 
@@ -120,6 +121,28 @@ def test_a_second_run_knows_loads_and_growth_and_a_changed_scene_or_body_does_no
         again.with_bodies(again.bodies).plans  # noqa: B018
     with pytest.raises(AssertionError, match="measured anew"):
         Pipeline(load_scene("beam-paper", [*overrides, "simulation.duration=21 ms"]), Cache(tmp_path)).plans  # noqa: B018
+
+
+def test_compared_run_times_are_measured_once_and_are_the_least_of_all_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured = []
+    monkeypatch.setattr(runs, "time_by_turns", lambda *marches: measured.append(1) or time_by_turns(*marches))
+    brief = ["simulation.duration=50 ms", "simulation.output_step=10 ms"]
+
+    def run(*more: str) -> dict[str, Any]:
+        motions = Pipeline(load_scene("rod-slider", [*brief, *more]), Cache(tmp_path)).motions
+        return {label: motion.trajectory for label, motion in motions.items()}
+
+    first, second = run(), run()
+    assert len(measured) == 1
+    assert len(first) > 1
+    for label, trajectory in first.items():
+        assert 0 < second[label].seconds <= trajectory.seconds
+        assert second[label].spread == trajectory.spread
+        np.testing.assert_array_equal(second[label].q, trajectory.q)
+    run("simulation.duration=60 ms")
+    assert len(measured) == 2
 
 
 @pytest.mark.parametrize("share", [0.97, 1.03])

@@ -5,7 +5,8 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from statistics import median
+
+import numpy as np
 
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.stepping import LEAST_REPEATS, MOST_REPEATS, REPEATED_SECONDS, THRICE_SECONDS
@@ -77,7 +78,9 @@ def time_by_turns(
             seconds[label].append(marches[label]().seconds)
     least = {label: min(times) for label, times in seconds.items()}
     return {
-        label: replace(trajectory, seconds=least[label], spread=median(seconds[label]) / max(least[label], 1e-9) - 1.0)
+        label: replace(
+            trajectory, seconds=least[label], spread=float(np.median(seconds[label])) / max(least[label], 1e-9) - 1.0
+        )
         for label, trajectory in found.items()
     }
 
