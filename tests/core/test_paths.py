@@ -102,6 +102,7 @@ def test_a_digest_of_a_file_is_that_of_its_content_alone(tmp_path: Path, monkeyp
 
 def test_a_digest_changes_with_the_numbers_that_its_source_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(folders, "_ROOT", tmp_path)
+    monkeypatch.setattr(folders, "_digest_source", folders._digest_source.__wrapped__)  # read anew, as by another run
     limits = tmp_path / "fmd" / "core" / "limits"
     limits.mkdir(parents=True)
     (tmp_path / "one.py").write_text("from fmd.core.limits import first as limits\n")
@@ -113,6 +114,41 @@ def test_a_digest_changes_with_the_numbers_that_its_source_has(tmp_path: Path, m
         found.append((digest("one.py"), digest("two.py")))
     assert [at == found[0][0] for at, _ in found] == [True, False, False]
     assert [at == found[0][1] for _, at in found] == [True, True, False]
+
+
+def test_sources_that_were_not_touched_are_not_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One whose time and size are as before, but that was written since, is."""
+    monkeypatch.setattr(folders, "_ROOT", tmp_path)
+    monkeypatch.setenv("FMD_CACHE", str(tmp_path / "cache"))
+    source = tmp_path / "one.py"
+    source.write_text("x = 1\n")
+
+    def digest() -> tuple[str, bool]:
+        """Digest as another run does; true if the file was read."""
+        was_read = []
+        monkeypatch.setattr("builtins.open", lambda *given: was_read.append(given[0] == str(source)) or opened(*given))
+        folders._digest_source.cache_clear()
+        folders._known_sources.cache_clear()
+        found = source_digest.__wrapped__("one.py")
+        monkeypatch.setattr("builtins.open", opened)
+        return found, any(was_read)
+
+    opened = open
+    (first, _), (_, young_read) = digest(), digest()
+    assert young_read  # what was written just now may be written again within the clock's tick
+    monkeypatch.setattr(folders, "SETTLED_NS", 0)
+    assert digest() == (first, True)
+    assert digest() == (first, False)
+    times = source.stat()
+    source.write_text("x = 2\n")
+    os.utime(source, ns=(times.st_atime_ns, times.st_mtime_ns))
+    changed, was_read = digest()
+    assert was_read
+    assert changed != first
+    (tmp_path / "cache" / "sources.json").write_text("{")
+    assert digest() == (changed, True)
+    folders._digest_source.cache_clear()
+    folders._known_sources.cache_clear()
 
 
 def test_kernels_have_a_new_folder_where_no_other_can_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,19 +1,27 @@
 """Folders of the user's cache and its kernels, and digests of the source code that name their content."""
 
 import hashlib
+import json
 import os
 import re
 import sys
 import tempfile
+import time
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from stat import S_ISDIR
+from typing import Any
 
 import platformdirs
+
+from fmd.core.limits.patience import SETTLED_NS
 
 _ROOT = Path(__file__).parents[2]
 # Modules of numbers, as sources import them: by their own name, or for the numbers in them.
 _NUMBERS, _WORDS = re.compile(rb"\nfrom fmd\.core\.limits(?:\.\w+)? import (?:\([^)]*\)|.*)"), re.compile(rb"\w+")
+
+_SOURCES = "sources.json"  # in the cache folder: what is known of sources
 
 _private: dict[Path, bool] = {}  # folders that were looked at in this run
 
@@ -112,7 +120,8 @@ def source_digest(*names: str) -> str:
             numbers |= named
     for path in _list_sources(str(_ROOT / "fmd" / "core" / "limits")):
         if Path(path).stem.encode() in numbers:
-            digest.update(Path(path).read_bytes())
+            digest.update(_digest_source(path)[0])
+    _keep_sources()
     return digest.hexdigest()
 
 
@@ -127,12 +136,47 @@ def _list_sources(place: str) -> tuple[str, ...]:
 
 @cache
 def _digest_source(path: str) -> tuple[bytes, set[bytes]]:
-    """Digest a source, which many stages' keys name, and return the words of its imports from `fmd.core.limits`."""
-    with open(path, "rb") as file:
-        source = file.read()
-    named = _NUMBERS.findall(b"\n" + source) if b"core.limits" in source else ()
-    content = hashlib.blake2b(source, digest_size=16).digest()
-    return content, {name for match in named for name in _WORDS.findall(match)}
+    """Digest a source, which many stages' keys name, and return the words of its imports from `fmd.core.limits`.
+
+    One that hasn't been touched since an earlier run digested it isn't read again, as Python itself trusts bytecode.
+    """
+    status = os.stat(path)
+    mark = [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
+    known, added = _known_sources()
+    if path in known and known[path][0] == mark:
+        _, content, words = known[path]
+    else:
+        with open(path, "rb") as file:
+            source = file.read()
+        named = _NUMBERS.findall(b"\n" + source) if b"core.limits" in source else ()
+        content = hashlib.blake2b(source, digest_size=16).hexdigest()
+        words = sorted({name.decode() for match in named for name in _WORDS.findall(match)})
+        if time.time_ns() - status.st_ctime_ns > SETTLED_NS:
+            added[path] = [mark, content, words]
+    return content.encode(), {name.encode() for name in words}
+
+
+@cache
+def _known_sources() -> tuple[dict[str, Any], dict[str, Any]]:
+    """Read marks, digests and words of sources by their paths, and give room for those that this run adds."""
+    try:
+        return json.loads((cache_folder() / _SOURCES).read_bytes()), {}
+    except (OSError, ValueError):  # missing or damaged
+        return {}, {}
+
+
+def _keep_sources() -> None:
+    """Write the marks, digests and words of sources beside those that are known, if there are new ones."""
+    known, added = _known_sources()
+    if not added or not is_private(folder := cache_folder(), make=True):
+        return
+    known |= added
+    added.clear()
+    with suppress(OSError):
+        handle, part = tempfile.mkstemp(dir=folder, prefix=".part-")
+        with os.fdopen(handle, "w") as file:
+            json.dump(known, file)
+        os.replace(part, folder / _SOURCES)
 
 
 def kernel_folder() -> Path:

@@ -126,7 +126,10 @@ def find_fine_times(plan: Plan, motion: Motion) -> tuple[Array, IntArray]:
         return times, numbers
     steps = outputs / method.step
     of_outputs = np.round(steps[np.abs(steps - np.round(steps)) < SOLVED])
-    times = np.union1d(outputs, method.step * np.setdiff1d(np.round(times / method.step), of_outputs))
+    between = np.round(times / method.step)
+    between = between[of_outputs[np.searchsorted(of_outputs[1:], between, "right")] != between]
+    # `np.unique` alone would load NumPy's masked arrays, unless it returns indices, too.
+    times, _ = np.unique(np.r_[outputs, method.step * between], return_index=True)
     times = times[times <= outputs[-1]]
     return times, np.searchsorted(times, outputs)
 

@@ -34,3 +34,6 @@ CAD_SECONDS_PER_ELEMENT = 0.01  # for each expected element, beside those for re
 
 # Work and precision.
 MARCH_SECONDS = 2.0  # a march longer than this ends its method's range
+
+# Sources.
+SETTLED_NS = 2_000_000_000  # since a file was last written [ns]: less may be within a tick of its clock
