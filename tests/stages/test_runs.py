@@ -15,7 +15,7 @@ from fmd.core.limits.stability import ALLOWED_GROWTH
 from fmd.integrators.automatic import Automatic
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.side_by_side import time_by_turns
-from fmd.stages import runs, stiffening_check
+from fmd.stages import run_times, runs, stiffening_check
 
 
 @pytest.mark.slow
@@ -127,7 +127,7 @@ def test_compared_run_times_are_measured_once_and_are_the_least_of_all_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     measured = []
-    monkeypatch.setattr(runs, "time_by_turns", lambda *marches: measured.append(1) or time_by_turns(*marches))
+    monkeypatch.setattr(run_times, "time_by_turns", lambda *marches: measured.append(1) or time_by_turns(*marches))
     brief = ["simulation.duration=50 ms", "simulation.output_step=10 ms"]
 
     def run(*more: str) -> dict[str, Any]:

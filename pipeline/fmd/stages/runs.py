@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -12,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.cache import stage_key
 from fmd.core.errors import AccuracyError, ConvergenceError, InertiaError, InputError, StabilityError
 from fmd.core.limits.contact import CHOSEN_STEP
 from fmd.core.limits.mechanism import NO_FORCE
@@ -38,6 +36,7 @@ from fmd.stages.run_checks import (
     require_resolved_loads,
     require_room,
 )
+from fmd.stages.run_times import with_compared_times
 from fmd.stages.stage import forget
 from fmd.stages.stiffening_check import (
     StiffeningLoads,
@@ -365,28 +364,10 @@ def _find_motions(run: Pipeline) -> dict[str, Motion]:
     plans = run.compiled_plans  # refuses a step before anything is timed
     trajectories = {label: _march(run, label, plan) for label, plan in plans.items()}
     if len(plans) > 1 and run.stands_alone:
-        trajectories = _with_compared_times(run, plans, trajectories)
+        trajectories = with_compared_times(run, plans, trajectories)
     for label, plan in plans.items():
         plan.require_positive_mass(trajectories[label])
     return {label: run.motion_by(plan, trajectories[label]) for label, plan in plans.items()}
-
-
-def _with_compared_times(
-    run: Pipeline, plans: Mapping[str, Plan], found: Mapping[str, Trajectory]
-) -> dict[str, Trajectory]:
-    """Return trajectories with run times by turns, which are kept on this machine: warm runs only march once more."""
-
-    def measure() -> dict[str, tuple[float, float]]:
-        timed = time_by_turns(found, {label: partial(plan.march, run.output_times) for label, plan in plans.items()})
-        return {label: (each.seconds, each.spread) for label, each in timed.items()}
-
-    key = type(run).growths.key(run)  # has all that marches depend on
-    own = stage_key("run-times", [key, platform.node()], ())
-    times = run.store.read_or_keep(own, measure, "dict[str, tuple]") if key else measure()
-    return {
-        label: replace(each, seconds=min(each.seconds, times[label][0]), spread=times[label][1])
-        for label, each in found.items()
-    }
 
 
 def _march(run: Pipeline, label: str, plan: Plan) -> Trajectory:
