@@ -13,32 +13,94 @@ Whole elements are those of ``contact_oblique.py``, marched by Hilber, Hughes an
 
 import tempfile
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from contact_oblique import CORNERS, NU, RHO, E, History, elements, sweep
-from scipy.sparse.linalg import splu
 from table_format import HERE, write_rows
 
 from fmd import Pipeline, load_scene
 from fmd.core.cache import Cache
+from fmd.reduction.factor.factor import factorise
 
 TABLE = HERE / "contact_rub.csv"
-GAP, WIDTH, SPEED, FRICTION = 0.3e-3, 0.15, 800.0, 0.15
-SPAN, STEPS, OUTPUTS, START = 0.2 * np.pi / SPEED, 512, 128, 0.38 * np.pi
+WIDTH, FRICTION, STEPS, OUTPUTS = 0.15, 0.15, 512, 128
 ROOT, TIP, CHORD, COUNTS = 0.2, 0.3, 0.04, (14, 8, 2)  # elements outwards, along, and through the thickness
-AROUND, ROWS = 120, 7  # corners of the casing's triangles
 
 
-def gap(angle: np.ndarray) -> np.ndarray:
-    """Return how far the casing is from the tip at an angle of it [m], along its radius."""
-    return GAP * (1.0 - 2.0 * np.exp(-(((np.mod(angle, np.pi) / np.pi - 0.5) / WIDTH) ** 2)))
+@dataclass(frozen=True)
+class Casing:
+    """Rigid casing about the z axis that turns, and begins with its lobe before the blade."""
+
+    gap: float  # beside the lobes, and the depth of these [m]
+    speed: float  # [rad/s]
+    start: float  # its angle at first [rad]
+    turn: float  # its turn in the march [rad]
+    radius: Callable[[Any], Any]  # of the blade's tip over z [m]
+    slope: Callable[[Any], Any]  # the radius' derivative
+    heights: tuple[float, float]  # where it begins and ends [m]
+    corners: tuple[int, int]  # of its triangles around and along
+
+    @property
+    def span(self) -> float:
+        """Time of the march [s]."""
+        return self.turn / self.speed
+
+    def wider(self, angle: Any) -> Any:
+        """Return how much wider than the tip the casing is at an angle of it [m], along its radius."""
+        return self.gap * (1.0 - 2.0 * np.exp(-(((np.mod(angle, np.pi) / np.pi - 0.5) / WIDTH) ** 2)))
+
+    def triangles(self, first: float, last: float) -> str:
+        """Return a file of triangles for where the blade comes by, its places at angles from the first to the last."""
+        (around, along), (low, high) = self.corners, self.heights
+        angle, lines = np.linspace(first - 0.02, self.turn + last + 0.02, around), []
+        for z in np.linspace(low, high, along):
+            r = self.radius(z) * (1.0 + (angle[1] - angle[0]) ** 2 / 12.0) + self.wider(self.start + angle)
+            lines += [
+                f"v {a:.12g} {b:.12g} {z:.12g}" for a, b in zip(r * np.cos(angle), r * np.sin(angle), strict=True)
+            ]
+        firsts = (np.arange(1, around) + around * np.arange(along - 1)[:, None]).ravel()
+        sides = [(k, k + around, k + 1, k + around + 1) for k in firsts]
+        lines += [f"f {a} {b} {c}\nf {c} {b} {d}" for a, b, c, d in sides]
+        return "\n".join(lines) + "\n"
 
 
 class Blade:
-    """Mesh, matrices of what isn't clamped, and the nodes of the tip that touch."""
+    """Mesh, matrices of what isn't clamped, and the points of the tip that touch."""
+
+    element, damping = "C3D8", 0.0  # its kind, and the damping over the mass [1/s]
+    x: np.ndarray  # nodes [m]
+    cells: np.ndarray
+    clamped: np.ndarray  # nodes
+    tip: np.ndarray  # nodes of the face that touches
+    points: np.ndarray  # those of them that have forces
+    B: np.ndarray  # the points' coordinates among those of the matrices
+    K: Any
+    M: Any
+    density: float
+
+    def place(self, casing: Casing) -> None:
+        """Find where the points are about the casing's axis, and the directions of its forces on them."""
+        at = self.x[self.points]
+        self.casing, self.angle, radius = casing, np.arctan2(at[:, 1], at[:, 0]), np.hypot(at[:, 0], at[:, 1])
+        c, s, o, slope = np.cos(self.angle), np.sin(self.angle), 0 * self.angle, casing.slope(at[:, 2])
+        self.share = 1.0 / np.hypot(1.0, slope)  # of the radial gap that is along the normal
+        self.off, self.way = radius - casing.radius(at[:, 2]), radius * casing.speed
+        inwards, around = self.share[:, None] * np.stack([-c, -s, slope], axis=1), np.stack([-s, c, o], axis=1)
+        self.axes = np.stack([inwards, np.cross(inwards, around), around], axis=1)
+
+    def gaps(self, t: float) -> np.ndarray:
+        """Return the gaps of the undeformed blade along the normals [m], shape (points,)."""
+        casing = self.casing
+        return self.share * (casing.wider(casing.start + casing.speed * t + self.angle) - self.off)
+
+
+class Plate(Blade):
+    """Plate of hexahedra, aslant and leant back, whose tip is on a cylinder."""
 
     def __init__(self) -> None:
         i, j, k = (a.ravel() for a in np.meshgrid(*[np.arange(n + 1) for n in COUNTS], indexing="ij"))
@@ -61,36 +123,35 @@ class Blade:
         )
         at = np.full(size, -1)
         at[free] = np.arange(len(free))
-        half = np.where(np.isin(j, (0, COUNTS[1])), 0.5, 1.0) * np.where(k == 1, 1.0, 0.5)  # of a facet's area
-        self.root = np.average(self.x[i == 0], axis=0, weights=half[i == 0])
-        self.clamped, self.tip = np.flatnonzero(i == 0), np.flatnonzero(i == COUNTS[0])
-        self.B = at[3 * self.tip[:, None] + np.arange(3)].ravel()
-        self.angle = np.arctan2(self.x[self.tip, 1], self.x[self.tip, 0])
-        c, s, o = np.cos(self.angle), np.sin(self.angle), 0 * self.angle
-        inwards, around = np.stack([-c, -s, o], axis=1), np.stack([-s, c, o], axis=1)
-        self.axes = np.stack([inwards, np.cross(inwards, around), around], axis=1)  # of the casing's forces, by node
+        self.clamped, self.tip, self.density = np.flatnonzero(i == 0), np.flatnonzero(i == COUNTS[0]), RHO
+        self.points, self.B = self.tip, at[3 * self.tip[:, None] + np.arange(3)].ravel()
+        heights = -0.017, 0.017
+        self.place(
+            Casing(0.3e-3, 800.0, 0.38 * np.pi, 0.2 * np.pi, lambda z: TIP + 0 * z, np.zeros_like, heights, (120, 7))
+        )
 
 
 def whole_march(blade: Blade, alpha: float = -0.05) -> History:
-    """March all unknowns."""
-    n, h = len(blade.tip), SPAN / STEPS
+    """March all unknowns; the seconds are without the sweeps of the contact."""
+    n, h, damping = len(blade.points), blade.casing.span / STEPS, blade.damping
     beta, gamma, c = (1 - alpha) ** 2 / 4, 0.5 - alpha, 1 + alpha
     picked = sp.csc_matrix((np.ones(3 * n), (blade.B, np.arange(3 * n))), shape=(blade.K.shape[0], 3 * n))
     B = (picked @ sp.block_diag([axes.T for axes in blade.axes])).tocsc()
-    matrix = (blade.M + c * beta * h**2 * blade.K).tocsc()
-    solver = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0)
-    X = solver.solve(B.toarray())
+    begin = time.process_time()
+    solve = factorise((blade.M * (1 + c * damping * gamma * h) + c * beta * h**2 * blade.K).tocsr()).solve
+    X = np.concatenate([solve(B[:, k : k + 24].toarray()) for k in range(0, 3 * n, 24)], axis=1)
+    seconds = time.process_time() - begin
     D = c * beta * h**2 * (B.T @ X)
     lam, (u, v, a, residual) = np.zeros((n, 3)), np.zeros((4, len(X)))
-    forces, heats, strip, work, seconds = [np.zeros(3)], [0.0], np.zeros((n, 3)), 0.0, 0.0
+    forces, heats, strip, work = [np.zeros(3)], [0.0], np.zeros((n, 3)), 0.0
     for k in range(1, STEPS + 1):
         begin = time.process_time()
         u, v = u + h * v + h**2 * (0.5 - beta) * a, v + h * (1 - gamma) * a
-        a = solver.solve(alpha * residual - c * (blade.K @ u))
+        a = solve(alpha * residual - c * (damping * (blade.M @ v) + blade.K @ u))
         moved = (B.T @ (u + beta * h**2 * a)).reshape(n, 3)
-        moved[:, 0] += gap(START + SPEED * k * h + blade.angle)
+        moved[:, 0] += blade.gaps(k * h)
         moved[:, 1:] -= strip[:, 1:]
-        moved[:, 2] += SPEED * TIP * h  # the tip's way along the casing
+        moved[:, 2] += blade.way * h  # the tip's way along the casing
         seconds += time.process_time() - begin
         sweep(D, moved, lam, FRICTION)
         work -= np.sum(lam[:, 1:] * (moved + (D @ lam.ravel()).reshape(n, 3))[:, 1:])
@@ -98,7 +159,7 @@ def whole_march(blade: Blade, alpha: float = -0.05) -> History:
         a += c * (X @ lam.ravel())
         u, v = u + beta * h**2 * a, v + gamma * h * a
         strip = (B.T @ u).reshape(n, 3)
-        residual = blade.K @ u - B @ lam.ravel()
+        residual = damping * (blade.M @ v) + blade.K @ u - B @ lam.ravel()
         seconds += time.process_time() - begin
         if k % (STEPS // OUTPUTS) == 0:
             forces.append(np.einsum("pa,pac->c", lam, blade.axes))
@@ -108,51 +169,46 @@ def whole_march(blade: Blade, alpha: float = -0.05) -> History:
 
 def our_march(blade: Blade, count: int, folder: Path, keys: dict[str, Any]) -> History:
     """March the scene with some modes; the casing is a rigid body of triangles on a driven hinge."""
+    casing = blade.casing
     lines = ["*NODE", *(f"{n + 1},{x:.12g},{y:.12g},{z:.12g}" for n, (x, y, z) in enumerate(blade.x))]
-    lines += ["*ELEMENT,TYPE=C3D8,ELSET=E"]
+    lines += [f"*ELEMENT,TYPE={blade.element},ELSET=E"]
     lines += [f"{n + 1},{','.join(map(str, cell + 1))}" for n, cell in enumerate(blade.cells)]
     for name, nodes in {"TIP": blade.tip, "CLAMP": blade.clamped}.items():
         lines += [f"*NSET,NSET={name}", *(f"{n + 1}," for n in nodes)]
     (folder / "fe.inp").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    angle = np.linspace(-0.25, SPEED * SPAN + 0.02, AROUND)
-    corners = []
-    r = TIP * (1.0 + (angle[1] - angle[0]) ** 2 / 12.0) + gap(START + angle)
-    for z in np.linspace(-0.017, 0.017, ROWS):
-        corners += [f"v {a:.12g} {b:.12g} {z:.12g}" for a, b in zip(r * np.cos(angle), r * np.sin(angle), strict=True)]
-    firsts = (np.arange(1, AROUND) + AROUND * np.arange(ROWS - 1)[:, None]).ravel()
-    sides = [(k, k + AROUND, k + 1, k + AROUND + 1) for k in firsts]
-    corners += [f"f {a} {b} {c}\nf {c} {b} {d}" for a, b, c, d in sides]
-    (folder / "casing.obj").write_text("\n".join(corners) + "\n", encoding="utf-8")
-    stiff = {"E": 1e6 * E, "nu": NU}
+    triangles = casing.triangles(blade.angle.min(), blade.angle.max())
+    (folder / "casing.obj").write_text(triangles, encoding="utf-8")
+    clamp, wall = {"at": blade.x[blade.clamped[0]].tolist()}, {"type": "file", "file": str(folder / "casing.obj")}
     body = {
         "mesh": {"file": str(folder / "fe.inp"), "unit": "m"},
         "E": E,
         "nu": NU,
-        "rho": RHO,
-        "modes": {"count": count, "enrich": "none"},
+        "rho": blade.density,
+        "modes": {"count": count, "enrich": "none", "damping": blade.damping and {"alpha": blade.damping}},
         "support": [{"face": "CLAMP"}],
-        "marker": {"clamp": {"face": "CLAMP"}, "tip": {"face": "TIP"}},
+        "marker": {"clamp": clamp, "tip": {"face": "TIP"}},
     }
-    casing = {
+    rigid = {
         "shape": "rigid",
         "mass": 1.0,
         "inertia": [1.0, 1.0, 1.0],
         "marker": {"axis": {"at": [0, 0, 0]}},
-        "surface": {"wall": {"type": "file", "file": str(folder / "casing.obj"), "unit": "m"} | stiff},
+        "surface": {"wall": wall | {"unit": "m", "E": 1e6 * E, "nu": NU}},
     }
+    angle = {"formula": f"-{casing.speed!r}*t", "unit": "rad"}
     scene = {
         "title": "rub",
-        "body": {"blade": body, "casing": casing},
-        "ground": {"clamp": {"at": blade.root.round(9).tolist()}, "axis": {"at": [0, 0, 0]}},
+        "body": {"blade": body, "casing": rigid},
+        "ground": {"clamp": clamp, "axis": {"at": [0, 0, 0]}},
         "joint": {
             "hold": {"type": "fixed", "parent": "ground.clamp", "child": "blade.clamp"},
             "turn": {"type": "revolute", "parent": "ground.axis", "child": "casing.axis", "axis": [0, 0, 1]},
         },
-        "drive": {"turn": {"type": "motion", "joint": "turn", "angle": {"formula": f"-{SPEED!r}*t", "unit": "rad"}}},
+        "drive": {"turn": {"type": "motion", "joint": "turn", "angle": angle}},
         "contact": {"rub": {"between": ["casing.wall", "blade.tip"], "friction": FRICTION}},
         "simulation": {
-            "duration": SPAN,
-            "output_step": SPAN / OUTPUTS,
+            "duration": casing.span,
+            "output_step": casing.span / OUTPUTS,
             "gravity": [0, 0, 0],
             "step": "auto",
             "tip": "blade.tip",
@@ -166,24 +222,27 @@ def our_march(blade: Blade, count: int, folder: Path, keys: dict[str, Any]) -> H
     return History(own.force, own.friction_work, time.process_time() - begin)
 
 
-def main() -> None:
-    """Compare all marches with that of the whole elements, and write their table."""
-    blade = Blade()
-    marches = {"whole elements": (reference := whole_march(blade))}
-    with tempfile.TemporaryDirectory(prefix="fmd-contact-") as scratch:
-        folder = Path(scratch)
-        for count in (5, 20):
-            keys = {"integrator": "central-difference"}
-            marches[f"fmd, {count} modes, central differences"] = our_march(blade, count, folder, keys)
+def write_table(table: Path, reference: History, marches: dict[str, History], span: float) -> None:
+    """Write what the marches give beside that of the whole elements."""
     rows = []
-    for name, march in marches.items():
+    for name, march in ({"whole elements": reference} | marches).items():
         off = np.sqrt(np.mean((march.force - reference.force) ** 2, axis=0)) / np.abs(reference.force).max(axis=0)
         row = {"march": name, "largest_force_N": f"{np.linalg.norm(march.force, axis=1).max():.4g}"}
         row |= {"outwards_rms": f"{off[0]:.2g}", "around_rms": f"{off[1]:.2g}", "heat_J": f"{march.heat[-1]:.4g}"}
-        row |= {"impulse_Ns": f"{-march.force[:, 0].sum() * SPAN / OUTPUTS:.4g}"}
+        row |= {"impulse_Ns": f"{-march.force[:, 0].sum() * span / OUTPUTS:.4g}"}
         rows.append(row | {"seconds": f"{march.seconds:.2g}"})
         print(rows[-1], flush=True)
-    write_rows(TABLE, rows)
+    write_rows(table, rows)
+
+
+def main() -> None:
+    """Compare all marches with that of the whole elements, and write their table."""
+    blade, marches = Plate(), {}
+    with tempfile.TemporaryDirectory(prefix="fmd-contact-") as scratch:
+        for count in (5, 20):
+            keys = {"integrator": "central-difference"}
+            marches[f"fmd, {count} modes, central differences"] = our_march(blade, count, Path(scratch), keys)
+    write_table(TABLE, whole_march(blade), marches, blade.casing.span)
 
 
 if __name__ == "__main__":

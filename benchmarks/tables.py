@@ -337,18 +337,22 @@ TABLES: dict[str, Callable[[], str]] = {
             "processor time": "{seconds} s",
         },
     ),
-    "contact-rub": partial(
-        listed,
-        "contact_rub",
-        {
-            "march": "{march}",
-            "impulse outwards [N s]": "{impulse_Ns}",
-            "friction's work [J]": "{heat_J}",
-            "largest force [N]": "{largest_force_N}",
-            "rms of its difference outwards, over the largest": "{outwards_rms}",
-            "of the force around": "{around_rms}",
-        },
-    ),
+    **{
+        f"contact-{name}": partial(
+            listed,
+            f"contact_{name}",
+            {
+                "march": "{march}",
+                "impulse outwards [N s]": "{impulse_Ns}",
+                "friction's work [J]": "{heat_J}",
+                "largest force [N]": "{largest_force_N}",
+                "rms of its difference outwards, over the largest": "{outwards_rms}",
+                "of the force around": "{around_rms}",
+                "processor time": "{seconds} s",
+            },
+        )
+        for name in ("rub", "rotor")
+    },
     "gears": partial(
         listed,
         "gears",
