@@ -9,7 +9,12 @@ from fmd.scene.schema import comments_of_fields
 
 
 class FieldComments(griffe.Extension):
-    """Takes comments of annotated fields as their docstrings."""
+    """Takes comments of annotated fields as their docstrings, and our data classes as Python's: for their arguments."""
+
+    def on_alias_instance(self, *, alias: griffe.Alias, **_: Any) -> None:
+        """Let ``dataclass`` be Python's own wherever it is imported, which Griffe knows."""
+        if alias.target_path == "fmd.core.data_classes.dataclass":
+            alias.target_path = "dataclasses.dataclass"
 
     def on_class_members(self, *, node: Any, cls: griffe.Class, **_: Any) -> None:
         """Give fields of a class without a docstring the text of their comments."""

@@ -174,6 +174,15 @@ class Sizes:
     assert texts == expected | {"name": None}
 
 
+@pytest.mark.parametrize("home", ["fmd.core.data_classes", "dataclasses"])
+def test_pages_have_the_arguments_of_data_classes(home: str) -> None:
+    griffe = pytest.importorskip("griffe")
+    code = f"from {home} import dataclass\n@dataclass\nclass Sizes:\n    length: float\n    width: float = 0.0\n"
+    extensions = griffe.load_extensions("dataclasses", str(DOCS / "field_comments.py"))
+    with griffe.temporary_visited_package("own", {"__init__.py": code}, extensions=extensions) as package:
+        assert [each.name for each in package["Sizes"].parameters] == ["self", "length", "width"]
+
+
 def test_fields_of_data_classes_have_comments_of_their_own_and_no_entries_in_docstrings() -> None:
     """Arrays of kernels' tables and keys of scenes may share one."""
     pytest.importorskip("griffe")

@@ -142,3 +142,43 @@ def test_abstract_ones_stay_abstract_and_bases_are_called():
     assert Square(3).area() == 9
     with pytest.raises(ValueError, match="below 0"):
         Square(-1)
+
+
+@pytest.mark.parametrize("base_frozen", [False, True])
+@pytest.mark.parametrize("frozen", [False, True])
+@pytest.mark.parametrize("others", [dataclass, dataclasses.dataclass])
+def test_classes_of_pythons_decorator_inherit_as_from_its_own(others, frozen, base_frozen):
+    """A script may inherit from a class of ours by Python's decorator, whose checks are of both."""
+
+    def inherit(make):
+        @make(frozen=base_frozen)
+        class Base:
+            a: int
+
+        @others(frozen=frozen)
+        class Own(Base):
+            b: int = 0
+
+        return Base, Own
+
+    if frozen != base_frozen:
+        for make in (dataclass, dataclasses.dataclass):
+            with pytest.raises(TypeError, match="cannot inherit"):
+                inherit(make)
+        return
+    (base, own), (plain, _) = inherit(dataclass), inherit(dataclasses.dataclass)
+    assert repr(base.__dataclass_params__) == repr(plain.__dataclass_params__)
+    assert replace(own(1), b=2) == own(1, 2)
+
+
+def test_plain_classes_that_inherit_from_a_frozen_one_have_values_of_their_own():
+    class Own(Lazy):
+        pass
+
+    own = Own(1)
+    own.other = 2
+    assert own.other == 2
+    del own.other
+    assert not hasattr(own, "other")
+    with pytest.raises(FrozenInstanceError):
+        own.a = 2

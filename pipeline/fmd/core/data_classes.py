@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import FrozenInstanceError
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 __all__ = ["dataclass"]
 
@@ -22,7 +22,9 @@ else:
         """Make a data class, as `dataclasses.dataclass` does, but compile its methods when one is first called."""
         if cls is None:
             return lambda own: dataclass(own, frozen=frozen, eq=eq, slots=slots)
-        made = dataclasses.dataclass(init=False, repr=False, eq=False, slots=slots)(cls)
+        checked = frozen and any(map(dataclasses.is_dataclass, cls.__bases__))  # that its bases are frozen, too
+        made = dataclasses.dataclass(init=False, repr=False, eq=False, frozen=checked, slots=slots)(cls)
+        made.__dataclass_params__ = _PARAMETERS[frozen, eq]
         own = {name for name in _METHODS if name in vars(made)}
         if "__eq__" in own and made.__hash__ is None:  # Python's own doing
             own.discard("__hash__")
@@ -31,11 +33,19 @@ else:
                 setattr(made, name, _Late(made, name))
         if eq and not frozen and "__hash__" not in own:
             made.__hash__ = None
-        if frozen:
-            made.__setattr__, made.__delattr__ = _refuse_value, _refuse_deletion
+        if frozen and not checked:
+            _freeze(made)
         if frozen and slots:
             made.__getstate__, made.__setstate__ = _state, _set_state
         return made
+
+
+def _parameters(frozen: bool, eq: bool) -> Any:
+    """Return what Python's decorator writes down of a class, by which it checks those that inherit from it."""
+    return vars(dataclasses.dataclass(frozen=frozen, eq=eq)(type("Any", (), {})))["__dataclass_params__"]
+
+
+_PARAMETERS = {(frozen, eq): _parameters(frozen, eq) for frozen in (False, True) for eq in (False, True)}
 
 
 class _Late:
@@ -57,19 +67,28 @@ def _compile_method(cls: type[Any], name: str) -> Any:
     space |= {"__annotations__": {each.name: each.type for each in fields}} | {each.name: each for each in fields}
     if hasattr(cls, "__post_init__"):
         space["__post_init__"] = None  # that it is there is all that counts
-    frozen = name == "__hash__" or (name == "__init__" and vars(cls).get("__setattr__") is _refuse_value)
+    frozen = name == "__hash__" or (name == "__init__" and vars(cls)["__dataclass_params__"].frozen)
     make = dataclasses.dataclass(
         init=name == "__init__", repr=name == "__repr__", eq=name in ("__eq__", "__hash__"), frozen=frozen
     )
     return vars(make(type(cls.__name__, (), space)))[name]
 
 
-def _refuse_value(self: object, name: str, value: object) -> NoReturn:
-    raise FrozenInstanceError(f"cannot assign to field {name!r}")
+def _freeze(cls: Any) -> None:
+    """Refuse values of a class's fields, and all of its own instances': a plain class that inherits may have others."""
+    names = {each.name for each in dataclasses.fields(cls)}
 
+    def set_value(self: object, name: str, value: object) -> None:
+        if type(self) is cls or name in names:
+            raise FrozenInstanceError(f"cannot assign to field {name!r}")
+        super(cls, self).__setattr__(name, value)
 
-def _refuse_deletion(self: object, name: str) -> NoReturn:
-    raise FrozenInstanceError(f"cannot delete field {name!r}")
+    def delete(self: object, name: str) -> None:
+        if type(self) is cls or name in names:
+            raise FrozenInstanceError(f"cannot delete field {name!r}")
+        super(cls, self).__delattr__(name)
+
+    cls.__setattr__, cls.__delattr__ = set_value, delete
 
 
 def _state(self: Any) -> list[Any]:
