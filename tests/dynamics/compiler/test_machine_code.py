@@ -15,7 +15,7 @@ from fmd.core.arrays import Array
 from fmd.core.formula import parse_formula
 from fmd.core.limits.code import LONG_PROGRAM
 from fmd.core.recently_used import RecentlyUsed
-from fmd.dynamics.compiler import store
+from fmd.dynamics.compiler import llvm, store
 from fmd.dynamics.compiler.chunks import chunk_widths
 from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.dynamics.compiler.coordinates import Coordinates
@@ -116,6 +116,25 @@ def test_vectors_of_every_length(n: int, register: int) -> None:
     run(program, load_code(program, register), x, y)
     expected = interpret(graph, [value.node for value, _ in outputs], {"x": x})
     assert np.allclose(y, np.concatenate([np.atleast_1d(value) for value in expected]), rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("register", [4, 8])
+@pytest.mark.parametrize("n", [17, 24, 27, 28, 31, 33])
+def test_rows_that_share_columns_are_multiplied_together_and_come_to_their_places(n: int, register: int) -> None:
+    rng = np.random.default_rng(n)
+    row, column = rng.permutation(n + 2) % 5, rng.permutation(n) % 5  # blocks of four groups in two more rows; one is 0
+    matrix = np.where((row[:, None] == column) & (row[:, None] < 4), rng.normal(size=(n + 2, n)), 0.0)
+    graph = Graph()
+    x = graph.vector_input("x", range(n))
+    product = x.multiplied_by(matrix)
+    square = product.dot(product)  # reads the last chunk's padding, too
+    outputs = Output(square, ("y", (0,))), Output(product, ("y", tuple(range(1, n + 3))))
+    program = Program("f", graph, ("x", "y"), outputs)
+    assert "phi" not in llvm.emit(program, register)[0]  # no loop
+    given, y = rng.normal(size=n), np.zeros(n + 3)
+    run(program, load_code(program, register), given, y)
+    assert np.allclose(y[1:], matrix @ given, rtol=1e-14, atol=1e-14)
+    assert np.isclose(y[0], np.sum((matrix @ given) ** 2), rtol=1e-14)
 
 
 def test_chunks_cover_a_vector_and_pad_it_by_no_more_than_they_spare() -> None:

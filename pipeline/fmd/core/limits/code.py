@@ -26,6 +26,7 @@ BYTES_OF_COUNT = 8  # that say how many constants kept code reads
 
 # Products.
 UNROLLED = 16  # columns up to which a matrix is multiplied without a loop, its columns in the code
+MOST_GROUPED = 128  # products of whole registers up to which rows that share columns are multiplied without a loop
 ACCUMULATORS = 8  # vector registers that a product sums in: enough to hide the latency of ``fma``
 CHUNKS_AT_ONCE = 4  # vector registers of oscillators that go through a loop of steps together
 MOST_LATE = 2  # slow accelerations whose effects on a cycle are made ready before they are known: more cost more

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fmd.core.arrays import Array
-from fmd.core.limits.code import ACCUMULATORS, STRUCTURAL, UNROLLED
+from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.code import ACCUMULATORS, MOST_GROUPED, STRUCTURAL, UNROLLED
 from fmd.dynamics.compiler.writer import Writer, literal, type_of
 
 Chunk = tuple[str, int]
@@ -35,6 +35,14 @@ def is_zero(value: str) -> bool:
 def zero(width: int) -> str:
     """Return the constant 0 of a chunk."""
     return literal(0.0) if width == 1 else "zeroinitializer"
+
+
+def order_of_groups(matrix: Array) -> IntArray:
+    """Return the order of a matrix's rows in which those with entries in the same columns come together."""
+    group = np.arange(len(matrix))
+    for column in (matrix != 0.0).T:
+        group[np.isin(group, group[column])] = group[column].min(initial=len(matrix))
+    return np.argsort(group, kind="stable")
 
 
 class ChunkWriter(Writer):
@@ -184,8 +192,11 @@ class ChunkWriter(Writer):
         return self.binary("fadd", low, high, half)
 
     def _shuffle(self, chunk: str, width: int, entries: Sequence[int]) -> str:
+        return self._joined(chunk, "poison", width, entries)
+
+    def _joined(self, chunk: str, other: str, width: int, entries: Sequence[int]) -> str:
         mask, kind = ", ".join(f"i32 {k}" for k in entries), type_of(width)
-        return self.value(f"shufflevector {kind} {chunk}, {kind} poison, <{len(entries)} x i32> <{mask}>")
+        return self.value(f"shufflevector {kind} {chunk}, {kind} {other}, <{len(entries)} x i32> <{mask}>")
 
     def multiply_diagonal(self, diagonal: Array, vector: list[Chunk]) -> list[Chunk]:
         """Write a constant diagonal matrix times a vector."""
@@ -197,10 +208,18 @@ class ChunkWriter(Writer):
         return [(self.binary("fmul", a, b, width), width) for (a, width), (b, _) in pairs]
 
     def multiply_matrix(self, matrix: Array, vector: list[Chunk]) -> list[Chunk]:
-        """Write a constant matrix times a vector: without a loop, or by blocks of rows that are summed in registers."""
+        """Write a constant matrix times a vector: without a loop, or by blocks of rows that are summed in registers.
+
+        Where groups of rows share few columns, as of a rotor's blades, only products with these are written.
+        """
         widths = chunk_widths(len(matrix), self._register)
         if matrix.shape[1] <= UNROLLED:
             return self._multiply_unrolled(matrix, vector, widths)
+        order = order_of_groups(matrix)
+        groups = [matrix[order[at : at + self._register]] for at in range(0, len(matrix), self._register)]
+        count = sum(np.count_nonzero(rows.any(axis=0)) for rows in groups)
+        if count <= min(MOST_GROUPED, len(groups) * matrix.shape[1] // 2):
+            return self._multiply_in_groups(groups, self._stored(vector), np.argsort(order).tolist(), widths)
         columns = np.zeros((matrix.shape[1], sum(widths)))
         columns[:, : len(matrix)] = matrix.T
         table, stored, out = self.table(columns), self._stored(vector), list[Chunk]()
@@ -218,6 +237,39 @@ class ChunkWriter(Writer):
                 if not is_zero(column[k][0]):
                     total = self.accumulate(total, column[k][0], self.entry(vector, place, width), width)
             out.append((total or zero(width), width))
+        return out
+
+    def _multiply_in_groups(
+        self, groups: list[Array], vector: str, places: list[int], widths: list[int]
+    ) -> list[Chunk]:
+        """By groups of rows, each with the columns in which it has entries; what they give comes to its place."""
+        whole, found = self._register, list[str]()
+        for rows in groups:
+            padded = np.zeros((whole, rows.shape[1]))
+            padded[: len(rows)] = rows
+            totals: list[str | None] = [None, None]  # neither waits for the other
+            for k, column in enumerate(np.flatnonzero(rows.any(axis=0)).tolist()):
+                where = self.value(f"getelementptr double, ptr {vector}, i64 {column}")
+                factor = self.splat(self.value(f"load double, ptr {where}, align 8"), whole)
+                totals[k % 2] = self.accumulate(totals[k % 2], self.constant(padded[:, column])[0][0], factor, whole)
+            one, other = (total or zero(whole) for total in totals)
+            found.append(self.binary("fadd", one, other, whole))
+        return self._entries(found, places, widths)
+
+    def _entries(self, chunks: list[str], places: list[int], widths: list[int]) -> list[Chunk]:
+        """Write the vector of some entries of whole chunks, and of zeros where its last chunk is padded."""
+        size, out = self._register, list[Chunk]()
+        while len(chunks) > 1:
+            pairs = zip(chunks[::2], [*chunks[1::2], "zeroinitializer"], strict=False)
+            chunks = [self._joined(one, other, size, range(2 * size)) for one, other in pairs]
+            size *= 2
+        for k, width in enumerate(widths):
+            own = places[sum(widths[:k]) :][:width]
+            if width == 1:
+                out.append((self.value(f"extractelement {type_of(size)} {chunks[0]}, i32 {own[0]}"), 1))
+            else:
+                padding = range(size, size + width - len(own))
+                out.append((self._joined(chunks[0], "zeroinitializer", size, [*own, *padding]), width))
         return out
 
     def _multiply_block(
