@@ -88,6 +88,42 @@ def test_steps_that_are_doubled_state_the_error_of_a_load_that_jumps_at_a_steps_
         assert abs(better - np.abs(exact).max()) < 0.01 * abs(own - np.abs(exact).max())
 
 
+@pytest.mark.parametrize(("seconds", "late"), [(0.0, 0), (1.0, 0), (0.0, 1), (0.0, 2)])
+def test_the_error_of_a_load_that_jumps_is_stated_for_cycles_and_is_of_first_order(
+    monkeypatch: pytest.MonkeyPatch, seconds: float, late: int
+) -> None:
+    """A mass that is slow beside another is off by what the force does from the jump to the middle of its cycle.
+
+    Masses don't act on each other, so its motion is a closed form.
+    """
+    monkeypatch.setattr(limits, "SHORT_SECONDS", seconds)  # steps that are doubled, or halved
+    mass = {"shape": "point", "mass": 5.0, "marker": {"centre": {"at": [0, 0, 0]}}}
+    slide = {"type": "prismatic", "parent": "ground", "axis": [1, 0, 0], "rest": 0.0}
+    joints = {
+        "slide": slide | {"child": "mass.centre", "spring": 1000.0},
+        "stiff": slide | {"child": "other.centre", "spring": 1e5},
+    }
+    jump, omega, m = 0.2 + 1e-3 * late, np.sqrt(200.0), 5
+    force = {"formula": f"0 if t < {jump!r} else 50", "unit": "N"}
+    push = {"type": "point force", "marker": "mass.centre", "direction": [1, 0, 0], "force": force}
+    method = {"integrator": "sub-cycling", "step": 1e-3, "substeps": m, "split": "10 Hz"}
+    simulation = {"duration": 1.0, "output_step": 0.05, "tip": "mass.centre", "run": [method]}
+    scene = {"title": "", "body": {"mass": mass, "other": mass}, "joint": joints, "drive": {"push": push}}
+    run = Pipeline(load_scene(scene | {"simulation": simulation}))
+    estimates = Estimates(run)
+    times, exact = run.output_times, 0.05 * (1 - np.cos(omega * np.maximum(run.output_times - jump, 0.0)))
+    stated = SAFETY * float(estimates._time()["slide, position"]) * np.abs(run.motion.trajectory.q[:, 0]).max()
+    errors = []
+    for halves in range(3):
+        method, k = replace(estimates.plan.integrator, step=1e-3 / 2**halves), late * 2**halves % m
+        moved = replace(estimates.plan, integrator=method).march(times).q[:, 0]
+        errors.append(np.abs(moved - exact).max())
+        off = abs(m / 2 - k) * method.step  # from the middle of the cycle in which it jumps
+        assert errors[-1] == pytest.approx(0.05 * omega * off, rel=0.1)
+    assert stated / errors[0] > 1
+    assert late or stated / errors[0] < 2
+
+
 def test_time_counts_vibrations_that_runge_kutta_steps_of_the_longest_reach_lose() -> None:
     """A finer tolerance alone took the same steps: of the tip's acceleration a 300th of the true error was stated."""
     method = 'simulation.run=[{integrator="runge-kutta", tolerance=1e-6}]'
