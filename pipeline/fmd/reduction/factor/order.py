@@ -44,14 +44,40 @@ def node_graph(A: sp.csr_array) -> tuple[sp.csr_array, int]:
     That is three, or one where supports have shifted nodes against blocks of three.
     Differences of matrices drop entries that come out as zero, and round-off may leave one of a pair: it couples, too.
     """
-    pattern = sp.csr_array((np.ones(A.nnz, dtype=np.int8), A.indices, A.indptr), A.shape)
     size = 3 if A.shape[0] % 3 == 0 else 1
-    blocks = pattern.tobsr((size, size))
-    if size**2 * len(blocks.indices) > SHIFTED_BLOCKS * A.nnz:
-        size, blocks = 1, pattern.tobsr((1, 1))
-    n, entries = A.shape[0] // size, np.ones(len(blocks.indices), dtype=np.int8)
-    graph = sp.csr_array((entries, blocks.indices, blocks.indptr), (n, n))
-    return sp.csr_array(graph.maximum(graph.T)), size
+    graph = _coupled_nodes(A, size)
+    if size**2 * graph.nnz > SHIFTED_BLOCKS * A.nnz:
+        size, graph = 1, _coupled_nodes(A, 1)
+    turned = sp.csr_array(graph.T)  # both have their columns ascending
+    graph = sp.csr_array(turned.T)
+    same = np.array_equal(graph.indptr, turned.indptr) and np.array_equal(graph.indices, turned.indices)
+    return graph if same else sp.csr_array(graph.maximum(turned)), size
+
+
+def _coupled_nodes(A: sp.csr_array, size: int) -> sp.csr_array:
+    """Return the nodes of ``size`` unknowns that each node's rows of a matrix have entries of, in no order."""
+    n = A.shape[0] // size
+    nodes, ends, seen = np.empty(A.nnz, dtype=np.int64), np.zeros(n + 1, dtype=np.int64), np.full(n, -1)
+    node_of = np.repeat(np.arange(n), size)
+    _list_coupled(A.indptr.astype(np.int64), A.indices.astype(np.int64), node_of, seen, nodes, ends)
+    return sp.csr_array((np.ones(ends[-1], dtype=np.int8), nodes[: ends[-1]], ends), (n, n))
+
+
+@kernel
+def _list_coupled(
+    indptr: IntArray, indices: IntArray, node_of: IntArray, seen: IntArray, nodes: IntArray, ends: IntArray
+) -> None:
+    """List the nodes that each node's rows have entries of, each once, and where its list ends."""
+    count = 0
+    for row in range(len(indptr) - 1):
+        node = node_of[row]
+        for p in range(indptr[row], indptr[row + 1]):
+            coupled = node_of[indices[p]]
+            if seen[coupled] != node:
+                seen[coupled] = node
+                nodes[count] = coupled
+                count += 1
+        ends[node + 1] = count
 
 
 def fill_reducing_order(graph: sp.csr_array, size: int) -> Order:
