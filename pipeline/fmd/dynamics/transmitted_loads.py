@@ -111,20 +111,22 @@ def geometric_stiffness_over(mechanism: Mechanism, body: int, loads: BodyLoads) 
     """Return what loads add to the modal stiffness of a body, shape (n_times, n, n) [1/s²]."""
     link = mechanism.links[body]
     integrals, n = link.integrals, len(link.omega)
-    K = np.zeros((len(loads.spin), n, n))
-    for wrench, at in zip(loads.wrenches, loaded_places(mechanism, body).markers, strict=True):
-        if at.displacement2.size:
-            K = K - np.tensordot(wrench, at.displacement2, 1)
+    markers = loaded_places(mechanism, body).markers
+    terms = [(-wrench, at.displacement2) for wrench, at in zip(loads.wrenches, markers, strict=True)]
     if link.joint_displacement2.size:
-        K = K - np.einsum(
-            "t,ij->tij", loads.joint[:, 3:] @ link.axis / np.linalg.norm(link.axis), link.joint_displacement2
-        )
-    if integrals.stiffening.size:
-        K = K + np.tensordot(_spin_products(loads.spin), integrals.stiffening, 2)
-    for motion, forms in ((loads.acceleration, integrals.displacement2), (loads.turning, integrals.rotation2)):
-        if forms.size:
-            K = K + np.tensordot(motion, forms, 1)
-    return np.asarray(0.5 * (K + K.swapaxes(1, 2)))
+        moment = loads.joint[:, 3:] @ link.axis / np.linalg.norm(link.axis)
+        terms.append((-moment[:, None], link.joint_displacement2[None]))
+    terms += [
+        (_spin_products(loads.spin).reshape(-1, 9), integrals.stiffening.reshape(9, *integrals.stiffening.shape[2:])),
+        (loads.acceleration, integrals.displacement2),
+        (loads.turning, integrals.rotation2),
+    ]
+    there = [(values, forms) for values, forms in terms if forms.size]
+    if not there:
+        return np.zeros((len(loads.spin), n, n))
+    forms = np.concatenate([forms for _, forms in there])
+    values = np.concatenate([values for values, _ in there], axis=1)
+    return np.asarray(np.tensordot(values, 0.5 * (forms + forms.swapaxes(1, 2)), 1))
 
 
 def change_by_inertia(body: FlexibleBody, loads: BodyLoads) -> float:
