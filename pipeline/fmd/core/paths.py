@@ -33,7 +33,7 @@ KERNEL_SOURCES = (
     "fmd/integrators",
     "fmd/recovery/kernels",
     "fmd/core/newton.py",
-    "fmd/fem/products.py",
+    "fmd/fem/column_products.py",
     "fmd/reduction/factor",
 )
 """Folders and files whose sources kernels are compiled from."""
