@@ -57,7 +57,8 @@ def choose_points(c: ContactTable, g: int) -> bool:
                 changed = True
                 c.inverted[g], c.swept[g], c.kept[0] = 0, 0, -1
                 for other in range(count):
-                    _set_block(c, g, own, other)
+                    if other <= own or not _is_stale(c, c.chosen[first + other]):  # whose turn comes
+                        _set_block(c, g, own, other)
     if changed:
         c.n_factored[g] = -2
     return True
