@@ -244,7 +244,7 @@ def test_exponential_steps_keep_the_energy_of_gentle_touches_to_the_round_off_of
 
 def test_exponential_steps_so_short_that_round_off_is_left_of_their_forces_name_a_longer_one() -> None:
     with pytest.raises(ConvergenceError, match=r"with a step of 1e-07 s; take a longer step, such as 4e-07 s"):
-        _ = exactly("50.0001 mm", "0.1 us").motion
+        _ = exactly("50.00001 mm", "0.1 us").motion  # from ten times as high its bits decide
 
 
 def test_runge_kutta_takes_no_contact_with_a_memory() -> None:

@@ -6,10 +6,15 @@ from typing import Any
 import pytest
 
 from fmd.dynamics import system
-from fmd.dynamics.compiled_system import tangent_kernels
+from fmd.dynamics.compiled_system import closed_cycle_tangents, tangent_kernels  # noqa: F401  the first gives meanings
 from fmd.dynamics.compiled_system.closed_tangents import ClosedTangentParameters
 from fmd.dynamics.compiled_system.parameters import ClosedParameters
-from fmd.dynamics.compiled_system.touching import Touching, TouchingClosedParameters, TouchingParameters
+from fmd.dynamics.compiled_system.touching import (
+    ContactsAhead,
+    Touching,
+    TouchingClosedParameters,
+    TouchingParameters,
+)
 from fmd.dynamics.compiled_system.touching_tangents import TouchingClosedTangentParameters, TouchingTangentParameters
 from fmd.dynamics.system import accelerations, advance, fast_steps, find_responses, freeze_slow, velocities
 
@@ -33,6 +38,7 @@ NEEDED: list[tuple[type, tuple[str, ...]]] = [
         ("note_contacts", "remember_contacts", "remember_found", "contact_forces", "set_impulses", "is_pressed"),
     ),
     (TouchingTangentParameters, ("note_contacts", "remember_contacts", "remember_found", "change_pushes")),
+    (ContactsAhead, ("answer_contacts", "remember_answered")),
 ]
 SYSTEMS = (
     ClosedParameters,
@@ -41,6 +47,7 @@ SYSTEMS = (
     TouchingClosedParameters,
     TouchingTangentParameters,
     TouchingClosedTangentParameters,
+    ContactsAhead,
 )
 
 
