@@ -59,10 +59,15 @@ def test_a_width_that_is_given_is_kept(capsys: pytest.CaptureFixture[str], monke
             {"largest_force_n": {"total": 12.0}, "impulse_n_s": {"total": None}},
             "0.25 to 1.5 s, largest force 1235 ± 12 N, impulse 5 N s",
         ),
+        (
+            {},
+            {"largest_force_n": {"total": None, "why": "not estimated: no time"}, "impulse_n_s": {"total": 0.1}},
+            "0.25 to 1.5 s, largest force 1235 N, impulse 5 ± 0.1 N s, errors not estimated: no time",
+        ),
     ],
 )
 def test_a_contact_is_told_with_the_errors_that_are_stated(
-    own: dict[str, None], errors: dict[str, dict[str, float | None]], line: str
+    own: dict[str, None], errors: dict[str, dict[str, float | str | None]], line: str
 ) -> None:
     """The impulse is the size of its vector, 3-4-5."""
     touched = {"begin_s": 0.25, "end_s": 1.5, "largest_force_n": 1234.56, "impulse_n_s": [3.0, 0.0, -4.0]}

@@ -210,14 +210,11 @@ def _describe_contact(own: dict[str, Any], errors: dict[str, Any]) -> str:
     """Write when a contact's bodies touch, its largest force and its impulse, with what is stated of their errors."""
     if own["begin_s"] is None:
         return "nothing touches"
-    force, impulse = (
-        with_plain_error(value, errors.get(key, {}).get("total"), unit)
-        for key, value, unit in (
-            ("largest_force_n", own["largest_force_n"], "N"),
-            ("impulse_n_s", math.hypot(*own["impulse_n_s"]), "N s"),
-        )
-    )
-    return f"{own['begin_s']:.6g} to {own['end_s']:.6g} s, largest force {force}, impulse {impulse}"
+    values = {"largest_force_n": (own["largest_force_n"], "N"), "impulse_n_s": (math.hypot(*own["impulse_n_s"]), "N s")}
+    stated = {key: errors.get(key, {}) for key in values}
+    force, impulse = (with_plain_error(value, stated[key].get("total"), unit) for key, (value, unit) in values.items())
+    lacking = next((f", errors {each['why']}" for each in stated.values() if each.get("why")), "")
+    return f"{own['begin_s']:.6g} to {own['end_s']:.6g} s, largest force {force}, impulse {impulse}{lacking}"
 
 
 def _describe_teeth(own: dict[str, Any]) -> str:
