@@ -52,8 +52,13 @@ def find_equilibrium(system: CompiledSystem, q: Array) -> Array:
     if system.mechanism.contacts:
         still = np.zeros(system.n)  # contacts may hold what acts all but at once
         size = max(largest(forces), largest(system.compiled.residual(0.0, q, still, still)))
+        from fmd.stages.pressed_points import rounded_push  # a scene without contact loads none of it
+
+        rounded = rounded_push(cast("TouchingSystem", system), q)
         resting = Tolerance(
-            limits.REST_CORRECTIONS, residual=limits.PRESSED * size, stalled=limits.ROUNDED_PRESS * size
+            limits.REST_CORRECTIONS,
+            residual=max(limits.PRESSED * size, rounded),
+            stalled=max(limits.ROUNDED_PRESS * size, rounded),
         )
     found = None if system.mechanism.contacts else _follow_loads(start, q)
     if found is None:

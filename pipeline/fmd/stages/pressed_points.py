@@ -8,7 +8,7 @@ import numpy as np
 
 from fmd.contact.round_laws import DEPTH, LOAD, POWER
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.contact import DEEP_START, SOFTEST_DENT
+from fmd.core.limits.contact import DEEP_START, SMALL_FORCE, SOFTEST_DENT
 from fmd.integrators.protocol import evaluate
 
 if TYPE_CHECKING:
@@ -48,6 +48,15 @@ def pressed_stiffness(system: TouchingSystem, q: Array) -> Array:
                 rows[k] -= _velocity(system, p, q, i, c.master[s])
         K += rows[held].T @ np.linalg.solve(D[held][:, held], rows[held])
     return K
+
+
+def rounded_push(system: TouchingSystem, q: Array) -> float:
+    """Return what forces on modes at rest are known to: those of points may be large and cancel."""
+    p, still = system.parameters, np.zeros(system.n)
+    evaluate(p, 0.0, q, still, np.zeros(system.n))
+    pressed = p.contact.force[:, 0] > 0.0
+    shapes, force = p.contact.shapes[p.contact.node[pressed]], p.contact.own[pressed]
+    return SMALL_FORCE * float(np.einsum("iam,ia->m", np.abs(shapes), np.abs(force)).max(initial=0.0))
 
 
 def _velocity(system: TouchingSystem, p: Any, q: Array, i: int, body: int) -> Array:
