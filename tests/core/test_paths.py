@@ -145,8 +145,9 @@ def test_sources_that_were_not_touched_are_not_read_again(tmp_path: Path, monkey
     changed, was_read = digest()
     assert was_read
     assert changed != first
-    (tmp_path / "cache" / "sources.json").write_text("{")
-    assert digest() == (changed, True)
+    for damaged in ("{", "[]"):
+        (tmp_path / "cache" / "sources.json").write_text(damaged)
+        assert digest() == (changed, True)
     folders._digest_source.cache_clear()
     folders._known_sources.cache_clear()
 

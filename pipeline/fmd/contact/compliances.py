@@ -11,7 +11,7 @@ import math
 from fmd.contact.nodes import n_nodes_below
 from fmd.contact.tables import ContactTable
 from fmd.core.limits.code import DOUBLES_IN_LINE
-from fmd.core.limits.contact import TURNED_BLOCKS, TURNED_NORMALS, WIDER_BAND
+from fmd.core.limits.contact import STIFF_BELOW, TURNED_BLOCKS, TURNED_NORMALS, WIDER_BAND
 from fmd.kernels.kernel import inner
 from fmd.kernels.vectors import call_native, fill_vector, read_vector, write_vector
 
@@ -122,7 +122,7 @@ def was_pressed(c: ContactTable, i: int) -> bool:
 @inner
 def _is_stale(c: ContactTable, i: int) -> bool:
     """Return true if a point has gone on over the other body, or turned against it, since its blocks were found."""
-    if c.master[c.surface[i]] < 0 or c.primitive[c.surface[i], 0] > 0.0:
+    if c.master[c.surface[i]] < 0 or c.primitive[c.surface[i], 0] > 0.0 or _is_stiff_below(c, i):
         return False
     for a in range(3):
         if c.foot[i, a] != c.foot_then[i, a] or abs(c.weights[i, a] - c.weights_then[i, a]) > TURNED_BLOCKS:
@@ -131,6 +131,21 @@ def _is_stale(c: ContactTable, i: int) -> bool:
             if abs(c.Q[i, a, b] - c.Q_then[i, a, b]) > TURNED_BLOCKS:
                 return True
     return False
+
+
+@inner
+def _is_stiff_below(c: ContactTable, i: int) -> bool:
+    """Return true if nodes below a point, now and when its blocks were found, give way too little to change these."""
+    own, below, at = 0.0, 0.0, c.node[i]
+    for a in range(3):
+        own += c.G[c.row[at], c.column[at], a, a]
+    for e in range(n_nodes_below(c, i)):
+        now, then = c.foot[i, e], c.foot_then[i, e]
+        if then < 0 or c.column[then] < 0 or c.column[now] < 0:
+            return False
+        for a in range(3):
+            below = max(below, c.G[c.row[now], c.column[now], a, a], c.G[c.row[then], c.column[then], a, a])
+    return 3.0 * below < STIFF_BELOW * own
 
 
 @inner

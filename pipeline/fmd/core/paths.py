@@ -160,9 +160,10 @@ def _digest_source(path: str) -> tuple[bytes, set[bytes]]:
 def _known_sources() -> tuple[dict[str, Any], dict[str, Any]]:
     """Read marks, digests and words of sources by their paths, and give room for those that this run adds."""
     try:
-        return json.loads((cache_folder() / _SOURCES).read_bytes()), {}
+        known = json.loads((cache_folder() / _SOURCES).read_bytes())
     except (OSError, ValueError):  # missing or damaged
-        return {}, {}
+        known = {}
+    return (known if isinstance(known, dict) else {}), {}
 
 
 def _keep_sources() -> None:

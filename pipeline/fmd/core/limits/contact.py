@@ -91,6 +91,7 @@ SMALLEST_RADIUS = 1e-3  # of the same, down to which it is shortened where a poi
 WIDER_BAND = 2.0  # times the largest displacement by the forces: gaps that are kept among those that may close
 BANDS = 20  # times that the points that may close are chosen again in a step before it is given up
 TURNED_BLOCKS = 1e-3  # change of rotations and weights from which on flexibilities between points are found again
+STIFF_BELOW = 1e-4  # share of a point's flexibility below which what it goes over may give way anywhere alike
 TURNED_NORMALS = 1e-4  # change of normals from which on those along normals are
 
 # Tangents.
