@@ -167,7 +167,7 @@ def _print_integrations(summary: dict[str, Any]) -> None:
     ]
     columns = {"method": "{}", "step": "{}", "run time": "{}", "ratio": "{}", "solutions + fast": "{}"}
     columns["tip differs by"] = "{}"
-    print_table("Integration: run times are of time integration alone", columns, rows)
+    print_table("Integration: run times are of time integration alone, the least on this machine", columns, rows)
 
 
 def _print_budget(budget: dict[str, Any], bodies: dict[str, Any]) -> None:

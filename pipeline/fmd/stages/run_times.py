@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import platform
 from collections.abc import Mapping
 from dataclasses import replace
@@ -27,7 +28,7 @@ def with_compared_times(
         return {label: (each.seconds, each.spread) for label, each in timed.items()}
 
     key = type(run).growths.key(run)  # has all that marches depend on
-    own = stage_key("run-times", [key, platform.node()], ())
+    own = stage_key("run-times", [key, platform.node(), os.environ.get("FMD_KERNELS")], ())
     times = run.store.read_or_keep(own, measure, "dict[str, tuple]") if key else measure()
     return {
         label: replace(each, seconds=min(each.seconds, times[label][0]), spread=times[label][1])
