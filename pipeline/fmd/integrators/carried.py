@@ -13,6 +13,7 @@ With ``z = h² k``, ``u_{j+1} = (2 − z) u_j − u_{j−1}``, S, R and P the su
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
@@ -20,6 +21,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.data_classes import dataclass
+from fmd.core.limits.code import DOUBLES_AT_ONCE
 from fmd.dynamics.system import System, accelerations, advance, cross_by_carried_forces
 from fmd.integrators.fixed_step import begin_cycle, end_cycle, runs_away, sample_within, take_cycles, take_steps
 from fmd.integrators.march_tables import Samples
@@ -27,6 +29,7 @@ from fmd.integrators.protocol import State
 from fmd.kernels.arrays import copy
 from fmd.kernels.kernel import contracted, inlined
 from fmd.kernels.table import Table, aligned, whole_lines
+from fmd.kernels.vectors import read_vector, write_vector
 
 DEGREES = {"frozen": 0, "carried": 2}
 """Largest degree of the polynomial by which forces go on, by the name of the scheme."""
@@ -123,19 +126,83 @@ def _maps(k: Array, h: float, m: int) -> Array:
     return made
 
 
+def _along_fast(make: Callable[[int], Any]) -> Any:
+    """Make a loop over the fast coordinates of a function of some of them, which is made for their number.
+
+    They go as compiled accelerations read and write them: a processor waits before it reads a vector where single
+    numbers have just been written.
+    """
+    some, one = make(DOUBLES_AT_ONCE), make(1)
+
+    @inlined
+    def go(m: CarriedSteps, maps: Array) -> None:
+        i, n = m.n_slow, m.v.size
+        while i + DOUBLES_AT_ONCE <= n:
+            some(m, maps, i)
+            i += DOUBLES_AT_ONCE
+        while i < n:
+            one(m, maps, i)
+            i += 1
+
+    return go
+
+
+@_along_fast
+def _go_half_a_step(width: int) -> Any:
+    @contracted
+    def go(m: CarriedSteps, maps: Array, i: int) -> None:
+        write_vector(m.v_now, i, read_vector(m.v, i, width) + 0.5 * m.h * read_vector(m.a, i, width))
+
+    return go
+
+
+@_along_fast
+def _cross(width: int) -> Any:
+    @contracted
+    def total(rows: Array, i: int, v: Array, a: Array, r: Array, r1: Array, r2: Array) -> Array:
+        now = read_vector(rows[0], i, width) * v + read_vector(rows[1], i, width) * a
+        now = now + read_vector(rows[2], i, width) * r
+        return now + read_vector(rows[3], i, width) * r1 + read_vector(rows[4], i, width) * r2
+
+    @contracted
+    def cross(m: CarriedSteps, maps: Array, i: int) -> None:
+        n, place = m.v.size, i + m.q.size - m.v.size
+        q, v, a = read_vector(m.q, place, width), read_vector(m.v, i, width), read_vector(m.begin, i, width)
+        r1, r2 = read_vector(m.memory, i, width), read_vector(m.memory, n + i, width)
+        r = a + read_vector(m.k, i, width) * q
+        write_vector(m.q, place, q + total(maps[0], i, v, a, r, r1, r2))
+        write_vector(m.v, i, total(maps[1], i, v, a, r, r1, r2))
+        write_vector(m.a, i, total(maps[2], i, v, a, r, r1, r2))
+        write_vector(m.r, i, r)
+
+    return cross
+
+
+@_along_fast
+def _remember_forces(width: int) -> Any:
+    @inlined
+    def remember(m: CarriedSteps, maps: Array, i: int) -> None:
+        write_vector(m.memory, m.v.size + i, read_vector(m.memory, i, width))
+        write_vector(m.memory, i, read_vector(m.r, i, width))
+
+    return remember
+
+
 @begin_cycle.register(CarriedSteps)
 def _begin_cycle(m: CarriedSteps, p: Any, nothing: Any, first: int, sampled: bool) -> None:
     """Evaluate all accelerations, and take the cycle."""
-    n, H, offset, t = m.v.size, m.substeps * m.h, m.q.size - m.v.size, first * m.h
-    for i in range(n):
-        m.v_now[i] = m.v[i] + 0.5 * (H if i < m.n_slow else m.h) * m.a[i]
-    accelerations(p, t, m.q, m.v_now, m.begin)
+    n, H, t = m.v.size, m.substeps * m.h, first * m.h
     _forget_before_breakpoints(m, t)
+    maps = m.maps[min(m.degree, int(m.memory[2 * n]))]
+    for i in range(m.n_slow):
+        m.v_now[i] = m.v[i] + 0.5 * H * m.a[i]
+    _go_half_a_step(m, maps)
+    accelerations(p, t, m.q, m.v_now, m.begin)
     if sampled:
         copy(m.q, m.q_begin)
         for i in range(n):
             m.v_begin[i] = m.v[i]
-    _cross(m, m.maps[min(m.degree, int(m.memory[2 * n]))], n, offset)
+    _cross(m, maps)
     for i in range(m.n_slow):
         m.a[i] = m.begin[i]
         m.v[i] += H * m.a[i]
@@ -158,19 +225,6 @@ def _take_cycles(m: CarriedSteps, p: Any, nothing: Any, first: int, count: int) 
         if runs_away(m.v):
             return cycle + 1
     return count
-
-
-@contracted
-def _cross(m: CarriedSteps, maps: Array, n: int, offset: int) -> None:
-    """Take the fast coordinates over a cycle."""
-    way, rate, last = maps[0], maps[1], maps[2]
-    for i in range(m.n_slow, n):
-        q, v, a, r1, r2 = m.q[i + offset], m.v[i], m.begin[i], m.memory[i], m.memory[n + i]
-        r = a + m.k[i] * q
-        m.q[i + offset] = q + (way[0, i] * v + way[1, i] * a + way[2, i] * r + way[3, i] * r1 + way[4, i] * r2)
-        m.v[i] = rate[0, i] * v + rate[1, i] * a + rate[2, i] * r + rate[3, i] * r1 + rate[4, i] * r2
-        m.a[i] = last[0, i] * v + last[1, i] * a + last[2, i] * r + last[3, i] * r1 + last[4, i] * r2
-        m.r[i] = r
 
 
 @take_steps.register(CarriedSteps)
@@ -224,9 +278,7 @@ def _end_cycle(m: CarriedSteps, p: Any, nothing: Any, first: int, samples: Sampl
 def _remember(m: CarriedSteps) -> None:
     """Remember the forces of a cycle."""
     n = m.v.size
-    for i in range(m.n_slow, n):
-        m.memory[n + i] = m.memory[i]
-        m.memory[i] = m.r[i]
+    _remember_forces(m, m.maps[0])
     m.memory[2 * n] = min(2.0, m.memory[2 * n] + 1.0)
 
 

@@ -8,7 +8,7 @@ TINY_SQUARE = 1e-300  # Pa²: the square of a von Mises stress whose root has a 
 # Constants.
 STRUCTURAL = (0.0, 1.0, -1.0)  # numbers that stand in code themselves: what they simplify is a mechanism's structure
 DOUBLES_IN_LINE = 8  # of the processor's cache
-DOUBLES_AT_ONCE = 4  # of a matrix's column, in loops of kernels
+DOUBLES_AT_ONCE = 4  # of a matrix's column or of coordinates, in loops of kernels
 
 # Long programs.
 LONG_PROGRAM = 12_000  # operations, some 70 kB of machine code: from here on, parts that are alike share it
