@@ -14,6 +14,7 @@ from fmd.contact.round_laws import law_table
 from fmd.contact.surfaces import ContactSurface, find_surfaces
 from fmd.contact.tables import ContactTable
 from fmd.contact.touching_body import ContactPlane, TouchingBody
+from fmd.contact.travel import lattices, travelling_function, travelling_grids
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.code import DOUBLES_IN_LINE
 from fmd.core.limits.contact import KNOWN_RESPONSES, MOST_POINTS, NEAR_RADIUS, NEAR_TRIANGLES, NEWTON_ROUNDS
@@ -41,11 +42,17 @@ def contact_table(
     width = np.diff(group)
     for g in set((np.searchsorted(group, point[:-1][large], side="right") - 1).tolist()):
         width[g] = min(width[g], MOST_POINTS)
-    table = ContactTable(
+    grids = travelling_grids(bodies, surfaces, first, point)
+    arrays = {
         **_bodies(bodies, links, modes, first, np.append(0, np.cumsum(most)), shift),
         **_surfaces(surfaces, contact, point, bodies),
-        **_triangles(surfaces, first),
         **_points(surfaces, counts, first, bodies),
+        **lattices(grids, len(surfaces), int(first[-1])),
+    }
+    table = ContactTable(
+        **arrays,
+        travel=travelling_function(grids, arrays),
+        **_triangles(surfaces, first),
         **_rooms(group, width, np.array([own.of.damping for own in surfaces])[np.searchsorted(point, group[:-1])]),
         **_friction_rooms(width, any(own.of.friction and not own.of.law for own in surfaces)),
         **_results(bodies, links, n_links, n),

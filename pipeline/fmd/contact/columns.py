@@ -140,8 +140,8 @@ def growing_function(bodies: Sequence[Columns | None], first: IntArray, rows: In
 
     def grow(*places: int) -> None:
         size = int(first[-1])
-        wanted, row, column = (_view(at, ctypes.c_int64, (size,)) for at in places[:3])
-        asked, G = wanted.copy(), _view(places[3], ctypes.c_double, shape)
+        wanted, row, column = (view_at(at, ctypes.c_int64, (size,)) for at in places[:3])
+        asked, G = wanted.copy(), view_at(places[3], ctypes.c_double, shape)
         wanted[0] = 0
         for body, at, end, begin, room in zip(bodies, first, first[1:], rows, np.diff(rows), strict=False):
             numbers, own = np.flatnonzero(asked[at:end]), slice(at, end)
@@ -166,5 +166,6 @@ def growing_function(bodies: Sequence[Columns | None], first: IntArray, rows: In
     return int(ctypes.cast(function, ctypes.c_void_p).value or 0)
 
 
-def _view(place: int, kind: Any, shape: tuple[int, ...]) -> Any:
+def view_at(place: int, kind: Any, shape: tuple[int, ...]) -> Any:
+    """Return an array of a kernel, by where its entries begin."""
     return np.ctypeslib.as_array(ctypes.cast(place, ctypes.POINTER(kind)), shape)

@@ -12,8 +12,12 @@ def half_space_flexibility(places: Array, cell: tuple[float, float], E: float, n
     has the sides ``cell`` [m]. The solutions of Boussinesq and Cerruti for a point's force are integrated over a
     rectangle in closed form (Love, Phil Trans R Soc A 228, 1929; Johnson, Contact Mechanics, chapter 3).
     """
-    apart = places[:, None] - places[None]
-    means = np.zeros((6, len(places), len(places)))
+    return rectangle_flexibility(places[:, None] - places[None], cell, E, nu)
+
+
+def rectangle_flexibility(apart: Array, cell: tuple[float, float], E: float, nu: float) -> Array:
+    """Return the same of pairs of rectangles (n, m, 2) apart [m], (n, 3, m, 3) [m/N]."""
+    means = np.zeros((6, *apart.shape[:2]))
     for side_x in (0.5, -0.5):
         for side_y in (0.5, -0.5):
             x, y, sign = apart[..., 0] + side_x * cell[0], apart[..., 1] + side_y * cell[1], 4.0 * side_x * side_y

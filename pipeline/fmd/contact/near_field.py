@@ -6,16 +6,16 @@ half-space's is taken off, varies little over a contact. It is known from pairs 
 
     G_grid = H + W (G − H) Wᵀ
 
-with H by Boussinesq and Cerruti and rows W that interpolate from nodes to the lowest place, or along the lowest line.
+with H by Boussinesq and Cerruti and rows W that interpolate from nodes to the grid's points.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from fmd.contact.half_space import half_space_flexibility, point_flexibility
+from fmd.contact.curved_grid import CurvedGrid, GridFrame
 from fmd.contact.surface_fit import Quadric, fit_quadric
-from fmd.contact.touching_body import ContactPoints, Grid
+from fmd.contact.touching_body import ContactPoints
 from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.data_classes import dataclass
 from fmd.core.limits import contact as limits
@@ -84,29 +84,26 @@ def find_curved_place(points: ContactPoints, face: str, normal: Array) -> Curved
 
 
 def with_near_field(
-    points: ContactPoints, face: str, at: CurvedPlace, half_width: float, count: int, E: float, nu: float
+    points: ContactPoints, face: str, at: CurvedPlace, half_width: float, count: int, travels: bool
 ) -> ContactPoints:
     """Return a body's points with a grid of about ``count`` points in place of a face's.
 
-    Half of its width along the larger curvature is ``half_width`` [m]; E [Pa] and nu are the body's there.
+    Half of its width along the larger curvature is ``half_width`` [m]. One that ``travels`` follows a march's contact.
 
     Raises
     ------
     ValueError
         The mesh without a half-space is stiffer than a half-space is soft: its modes have the near field.
     """
-    places, cell, edge = _grid(at, half_width, count)
-    flat = at.place + places @ at.axes[1:]
-    x = flat + at.surface.heights(flat, at.axes[0])[:, None] * at.axes[0]
-    mine, others = points.faces[face], _used_by_others(points, face)
-    weights = _weights(x, points.x[mine], at)
-    used = np.flatnonzero(np.abs(weights).max(axis=0) > limits.UNSEEN_WEIGHT)
-    weights, nodes = weights[:, used], mine[used]
-    along = np.outer(places[:, 1], at.axes[2]) if at.is_line else np.zeros((len(x), 3))
-    smooth = _weights(at.place + along, points.x[nodes], at)
-    n, m = len(x), len(others)
-    own = half_space_flexibility(places, cell, E, nu)
-    own += np.einsum("ip,pajb,kj->iakb", smooth, _far_field(points, nodes, at, E, nu), smooth, optimize=True)
+    cells, cell, first, edge, free = _grid(at, half_width, count)
+    others = _used_by_others(points, face)
+    start, goes = GridFrame(at.place, at.axes), (travels and free[0], travels and free[1] and not at.is_line)
+    grid = CurvedGrid(
+        points, points.faces[face], others, at.surface, at.curvatures, at.spacing, start, cells, cell, first, edge, goes
+    )
+    x = grid.places(start, cells)
+    weights, n, m = grid.weights(x, at.axes), len(x), len(others)
+    own, beside = grid.flexibility(cells, weights, at.axes)
     try:
         np.linalg.cholesky(own.reshape(3 * n, 3 * n))
     except np.linalg.LinAlgError:
@@ -115,13 +112,11 @@ def with_near_field(
             "near_field = 'mesh' or fewer modes work"
         ) from None
     G = np.empty((m + n, 3, m + n, 3))
-    G[:m, :, :m] = points.G[others][:, :, others]
-    G[m:, :, m:] = np.einsum("ac,iajb,bd->icjd", at.axes, own, at.axes, optimize=True)
-    G[m:, :, :m] = np.einsum("ip,pajb->iajb", smooth, points.G[nodes][:, :, others])
-    G[:m, :, m:] = G[m:, :, :m].transpose(2, 3, 0, 1)
+    G[:m, :, :m], G[m:, :, m:], G[m:, :, :m] = points.G[others][:, :, others], own, beside
+    G[:m, :, m:] = beside.transpose(2, 3, 0, 1)
     moved = np.zeros((m + n, len(points.x)))  # how points move by those of the mesh
     moved[np.arange(m), others] = 1.0
-    moved[m:, nodes] = weights
+    moved[m:] = weights
     areas = {name: own for name, own in points.areas.items() if name != face}
     faces = {name: np.searchsorted(others, points.faces[name]) for name in areas}
     return replace(
@@ -134,7 +129,7 @@ def with_near_field(
         surfaces={name: np.searchsorted(others, own) for name, own in points.surfaces.items()},
         border=np.concatenate([points.border[others], edge]),
         weights=moved if points.weights is None else moved @ points.weights,
-        grids={**points.grids, face: Grid(places, cell, at.axes)},
+        grids={**points.grids, face: grid},
         yields={name: np.einsum("ip,pak->iak", moved, own) for name, own in points.yields.items()},
         radii=np.zeros(m + n),
         shares=np.ones(m + n),
@@ -148,60 +143,29 @@ def _used_by_others(points: ContactPoints, face: str) -> IntArray:
     return np.unique(np.concatenate([*used, np.zeros(0, dtype=np.int64)]))
 
 
-def _grid(at: CurvedPlace, half_width: float, count: int) -> tuple[Array, tuple[float, float], BoolArray]:
-    """Return middles of rectangles (n, 2) [m] about the lowest place, their sides, and which are at the grid's border.
+def _grid(
+    at: CurvedPlace, half_width: float, count: int
+) -> tuple[IntArray, tuple[float, float], Array, BoolArray, tuple[bool, bool]]:
+    """Return rectangles about the lowest place by their places in a lattice (n, 2), and where that stands.
 
-    The grid has the ellipse of Hertz's contact, whose axes are about as the curvatures to the power of -2/3, and ends
-    where the face does.
+    That are its sides and its first middle [m], which rectangles are at the grid's border, and along which directions
+    the face goes on. The grid has the ellipse of Hertz's contact, whose axes are about as the curvatures to the power
+    of -2/3, and ends where the face does.
     """
     ratio = np.inf if at.is_line else (at.curvatures[0] / at.curvatures[1]) ** (2.0 / 3.0)
     half = np.array([half_width, half_width * ratio])
     low, high = np.maximum(-half, at.beside[:, 0]), np.minimum(half, at.beside[:, 1])
-    round_off = ((low == -half) & (high == half)).all()
-    n = int(np.sqrt(count * (4.0 / np.pi if round_off else 1.0)))
+    free = (low == -half) & (high == half)
+    n = int(np.sqrt(count * (4.0 / np.pi if free.all() else 1.0)))
     side = (high - low) / n
-    u, v = (low[a] + (np.arange(n) + 0.5) * side[a] for a in range(2))
-    places = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
-    if round_off:
-        places = places[((places / half) ** 2).sum(axis=1) <= 1.0]
+    cells = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1).reshape(-1, 2)
+    places = low + (cells + 0.5) * side
+    if free.all():
+        inside = ((places / half) ** 2).sum(axis=1) <= 1.0
+        cells, places = cells[inside], places[inside]
         outer = (((np.abs(places) + side) / half) ** 2).sum(axis=1) > 1.0
     else:
         below = (places < low + side) & (low == -half)
         outer = (below | ((places > high - side) & (high == half))).any(axis=1)
-    return places, (float(side[0]), float(side[1])), np.asarray(outer)
-
-
-def _weights(x: Array, nodes: Array, at: CurvedPlace) -> Array:
-    """Return rows that interpolate from nodes to points (n, n_nodes), exactly what is linear along the face."""
-    found = np.empty((len(x), len(nodes)))
-    place = (nodes - at.place) @ at.axes[1:].T / at.spacing
-    for k, point in enumerate(x):
-        apart = np.linalg.norm(nodes - point, axis=1)
-        size = max(limits.SMOOTHED * at.spacing, float(np.sort(apart)[min(5, len(apart) - 1)]))
-        w = np.exp(-((apart / size) ** 2))
-        here = (point - at.place) @ at.axes[1:].T / at.spacing
-        rows = np.column_stack([np.ones(len(nodes)), place - here]) * np.sqrt(w)[:, None]
-        found[k] = np.linalg.pinv(rows, rcond=1e-3)[0] * np.sqrt(w)
-    return np.asarray(found / found.sum(axis=1, keepdims=True))
-
-
-def _far_field(points: ContactPoints, nodes: IntArray, at: CurvedPlace, E: float, nu: float) -> Array:
-    """Return what nodes have of the mesh's flexibility beside a half-space's, (n, 3, n, 3), in the place's axes.
-
-    Of nodes that are near each other elements tell little; there it is that of pairs somewhat farther away.
-    """
-    x = (points.x[nodes] - at.place) @ at.axes[1:].T
-    distance = np.linalg.norm(points.x[nodes][:, None] - points.x[nodes][None], axis=2)
-    near = distance < limits.APART * at.spacing
-    ring = ~near & (distance < limits.RING * at.spacing)
-    ring = np.where(ring.any(axis=1, keepdims=True), ring, ~near)
-    apart = x[:, None] - x[None]
-    across = np.linalg.norm(apart, axis=2)
-    apart[across == 0.0] = [1.0, 0.0]  # a node itself, or two above each other
-    apart *= (np.maximum(distance, at.spacing) / np.where(across == 0.0, 1.0, across))[..., None]
-    mesh = np.einsum("ac,icjd,bd->iajb", at.axes, points.G[nodes][:, :, nodes], at.axes)
-    far = mesh - point_flexibility(apart, E, nu)
-    around = np.einsum("ij,iajb->iab", ring, far) / np.maximum(ring.sum(axis=1), 1)[:, None, None]
-    around = 0.5 * (around + around.transpose(0, 2, 1))
-    mean = 0.5 * (around[:, None] + around[None])  # (n, n, 3, 3)
-    return np.asarray(np.where(near[:, None, :, None], mean.transpose(0, 2, 1, 3), far))
+    first = low + 0.5 * side
+    return cells, (float(side[0]), float(side[1])), first, np.asarray(outer), (bool(free[0]), bool(free[1]))

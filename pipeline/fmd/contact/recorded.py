@@ -26,6 +26,10 @@ class RecordedBody(Protocol):
         """True if a contact in its list wears faces."""
 
     @property
+    def travels(self) -> bool:
+        """True if a grid follows a contact along its face."""
+
+    @property
     def sizes(self) -> tuple[int, int]:
         """Numbers of points and of modes."""
 
@@ -44,13 +48,16 @@ class ContactRecord:
 
     @staticmethod
     def _counts(bodies: Sequence[RecordedBody]) -> IntArray:
-        """Return how many values of each kind each body has, shape (n_bodies, 7).
+        """Return how many values of each kind each body has, shape (n_bodies, 8).
 
-        These are contacts', pressures, forces, pushes, modal forces, slips, and volumes lost by wear.
+        These are contacts', pressures, forces, pushes, modal forces, slips, volumes lost by wear, and, if grids travel,
+        places.
         """
         sizes = [(N_VALUES * len(body.names), *body.sizes) for body in bodies]
-        wears = any(body.wears for body in bodies)
-        return np.array([(values, n, 3 * n, 6, modes, n, n * wears) for values, n, modes in sizes], dtype=np.int64)
+        wears, travels = any(body.wears for body in bodies), any(body.travels for body in bodies)
+        return np.array(
+            [(values, n, 3 * n, 6, modes, n, n * wears, 3 * n * travels) for values, n, modes in sizes], dtype=np.int64
+        )
 
     def _part(self, kind: int) -> list[Array]:
         """Return the values of one kind, by body, shapes (n_times, any)."""
@@ -108,6 +115,14 @@ class ContactRecord:
         The second shapes are 0 where no contact wears.
         """
         return self._by_body(6)
+
+    @property
+    def places(self) -> Mapping[str, Array]:
+        """Undeformed places of points in their bodies' frames [m], shapes (n_times, n_points, 3), by bodies' names.
+
+        The second shapes are 0 where no grid travels.
+        """
+        return {name: own.reshape(len(self.rows), own.shape[1] // 3, 3) for name, own in self._by_body(7).items()}
 
     def _by_body(self, kind: int) -> dict[str, Array]:
         return {body.body: own for body, own in zip(self.bodies, self._part(kind), strict=True)}

@@ -31,6 +31,7 @@ from fmd.contact.histories import (
 from fmd.contact.nodes import n_nodes_below
 from fmd.contact.round_points import keep_round_points
 from fmd.contact.tables import ContactTable
+from fmd.contact.travel import travel
 from fmd.core.arrays import Array
 from fmd.kernels.kernel import inner
 
@@ -145,6 +146,11 @@ def note_values(c: ContactTable, values: Array) -> None:
     at += nodes
     for k in range(c.worn.size):
         values[at + k] = c.worn[k]
+    if c.travel != 0:
+        at += c.worn.size
+        for k in range(nodes):
+            for a in range(3):
+                values[at + 3 * k + a] = c.x[k, a]
 
 
 @inner
@@ -198,6 +204,7 @@ def remember(c: ContactTable, t: float, origins: Array, rotations: Array) -> Non
         c.seen[i, 1] = c.seen[i, 0]
     _sum_up_slip(c)
     c.clock[0] = t
+    travel(c, rotations)
 
 
 @inner

@@ -7,6 +7,10 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.data_classes import dataclass
 from fmd.core.limits.contact import MOST_POINTS, ROUNDED_PLACE
 from fmd.kernels.table import Table
+from fmd.kernels.vectors import call_native
+
+MOVED = ("asked", "middle", "along", "lag", "cells", "x", "shapes", "yields", "G", "supple", "box", "reach", "border")
+"""Arrays that what moves such a grid takes and changes."""
 
 _LAST = "known", "tip", "before", "slid", "moved_then", "elastic_then", "viscous_then", "seen"
 _OF_ROUND = "dent_then", "drag_then", "tangent_then", "touched_then", "gap_then", "speed_then", "soft_then"
@@ -44,6 +48,15 @@ class ContactTable(Table):
     grow: int  # address of the function that finds those, 0 if all have
     place: Array  # (n_nodes, 3): deformed, in space [m]
     radii: Array  # (n_nodes,): of round points [m]; 0 of others
+    # Grids that travel.
+    travel: int  # address of the function that moves one, 0 without
+    middle: Array  # (n_surfaces, 3): place of the face that it is about [m]
+    along: Array  # (n_surfaces, 3, 3): inward normal and two directions along the face there
+    lag: Array  # (n_surfaces, 2): by how many rectangles it is behind the lowest place, as its face ends
+    side: Array  # (n_surfaces, 2): of a rectangle [m]
+    per_slope: Array  # (n_surfaces, 2): rectangles by which a slope of 1 moves that; 0 where the grid stays
+    cells: IntArray  # (n_nodes, 3): rectangle of a node, and 1 if it is there since the grid was moved last
+    asked: Array  # (3,): surface whose grid is to be moved, and by how many rectangles
     border: IntArray  # (n_nodes,): 1 at the border of a grid that is smaller than its face
     worn: Array  # (n_nodes,): volume lost by wear [m³]; empty where nothing wears
     placed: IntArray  # (n_nodes,): number of the state at which it was found
@@ -251,10 +264,14 @@ class ContactTable(Table):
         for own, kept in zip(self._remembered, np.split(memory, self._ends), strict=True):
             own[:] = kept.reshape(own.shape)
         self.room[:] = -1.0
+        for s in np.flatnonzero(self.per_slope.any(axis=1)):
+            self.asked[:] = s, np.nan, np.nan
+            call_native(self.travel, tuple(getattr(self, name) for name in MOVED))
 
     @property
     def _remembered(self) -> tuple[Array | IntArray, ...]:
-        return tuple(getattr(self, name) for name in REMEMBERED)
+        more = ("middle", "along", "lag", "cells", "x") if self.travel else ()
+        return tuple(getattr(self, name) for name in (*REMEMBERED, *more))
 
     @property
     def _ends(self) -> IntArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from scipy.linalg import cho_factor
 from scipy.linalg.lapack import dpotri
 
 from fmd.contact.columns import Columns, stiffness_of_all
+from fmd.contact.curved_grid import CurvedGrid
 from fmd.contact.primitives import Primitive
 from fmd.contact.recorded import ContactRecord
 from fmd.contact.round_laws import RoundLaw
@@ -19,15 +20,6 @@ from fmd.contact.surface_fit import is_flat
 from fmd.core.arrays import Array, BoolArray, IntArray, require_shape
 from fmd.core.data_classes import dataclass
 from fmd.core.limits.contact import CARRYING
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Rectangles on a curved face, each with a point in its middle."""
-
-    places: Array  # (n, 2): middles along the face [m]
-    cell: tuple[float, float]  # sides [m]
-    axes: Array  # (3, 3): inward normal and the two directions along the face, a row each, in the body's frame
 
 
 @dataclass(frozen=True)
@@ -57,7 +49,7 @@ class ContactPoints:
     nodes: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     # (n, n_nodes): by which forces on a grid's points act on these nodes; without, each point is at its own
     weights: Array | None = None
-    grids: Mapping[str, Grid] = field(default_factory=dict)
+    grids: Mapping[str, CurvedGrid] = field(default_factory=dict)
     # (n,): of points that are centres of balls or of pieces of pins [m]; 0 of nodes
     radii: Array = field(default_factory=lambda: np.zeros(0))
     shares: Array = field(default_factory=lambda: np.zeros(0))  # (n,): part of a law's force that each of those has
@@ -86,9 +78,31 @@ class ContactPoints:
         require_shape("shapes", self.shapes, (n, 3, None))
         require_shape("G", self.G, (n, 3, n, 3) if not len(self.soft) else (0, 3, 0, 3))
 
-    def on_nodes(self, forces: Array) -> Array:
-        """Return the forces on `nodes` of forces on points, (n_times, n, 3) and (n_times, n_nodes, 3)."""
-        return forces if self.weights is None else np.einsum("np,tna->tpa", self.weights, forces)
+    def on_nodes(self, forces: Array, places: Array) -> Array:
+        """Return the forces on `nodes` of forces on points, (n_times, n, 3) and (n_times, n_nodes, 3).
+
+        Points of a grid that travels have places (n_times, n, 3).
+        """
+        if self.weights is None or not places.shape[1]:
+            return forces if self.weights is None else np.einsum("np,tna->tpa", self.weights, forces)
+        found = np.zeros((len(forces), len(self.nodes), 3))
+        for t in np.flatnonzero(forces.any(axis=(1, 2))):
+            pressed = forces[t].any(axis=1)
+            found[t] = self._weights_at(places[t, pressed]).T @ forces[t, pressed]
+        return found
+
+    def _weights_at(self, x: Array) -> Array:
+        (grid,) = self.grids.values()
+        return grid.weights(x, grid.axes_about(x))
+
+    def moved_to(self, places: Array) -> ContactPoints:
+        """Return points with a grid that has travelled to places (n, 3), without the flexibility there."""
+        if not len(places):
+            return self
+        (grid,), weights = self.grids.values(), self._weights_at(places)
+        shapes = np.einsum("ip,pam->iam", weights, grid.points.shapes)
+        yields = {name: np.einsum("ip,pak->iak", weights, own) for name, own in grid.points.yields.items()}
+        return replace(self, x=places, weights=weights, shapes=shapes, yields=yields)
 
     @property
     def has_primitives(self) -> bool:
@@ -104,13 +118,18 @@ class ContactPoints:
         """Return true if the points of a face are all but in a plane."""
         return is_flat(self.x[self.faces[face]])
 
-    @property
-    def under_grids(self) -> IntArray:
-        """Nodes of the mesh that carry grids, whose stress there elements are too large for."""
+    def under_grids(self, places: Array) -> IntArray:
+        """Return nodes of the mesh that carry grids, at places (n_times, n, 3) of those that travel.
+
+        Elements are too large for the stress there.
+        """
         if self.weights is None:
             return np.zeros(0, dtype=np.int64)
-        rows = np.concatenate([self.faces[name] for name in self.grids])
-        return np.asarray(self.nodes[(np.abs(self.weights[rows]) > CARRYING).any(axis=0)])
+        rows, under = np.concatenate([self.faces[name] for name in self.grids]), np.zeros(len(self.nodes), dtype=bool)
+        for x in np.unique(places, axis=0) if places.shape[1] else [places]:
+            weights = self._weights_at(x) if len(x) and places.shape[1] else self.weights[rows]
+            under |= (np.abs(weights) > CARRYING).any(axis=0)
+        return np.asarray(self.nodes[under])
 
     @cached_property
     def held_stiffness(self) -> Array:
@@ -222,6 +241,11 @@ class TouchingBody:
         return any(own.wear > 0.0 for own in self.contacts)
 
     @property
+    def travels(self) -> bool:
+        """True if a grid follows a contact along its face."""
+        return any(any(own.travels) for own in self.points.grids.values())
+
+    @property
     def is_lossy(self) -> bool:
         """True if its contacts rub, are damped, or lose energy in a shock."""
         return self.damping > 0.0 or any(own.friction > 0.0 or (own.law and own.law.loss) for own in self.contacts)
@@ -238,7 +262,9 @@ class TouchingBody:
         laws = (
             (at.name, at.face, at.friction, at.clearance, at.damping, at.law, at.slide, at.wear) for at in self.planes
         )
-        names = repr([self.body, self.pairs, self.points.primitives, self.felt, [*self.points.yields], *laws])
+        names = repr(
+            [self.travels, self.body, self.pairs, self.points.primitives, self.felt, [*self.points.yields], *laws]
+        )
         return hashlib.blake2b(content + names.encode(), digest_size=16).hexdigest()
 
     def stiffness(self, J: Array) -> Array:

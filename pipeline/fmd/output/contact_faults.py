@@ -85,7 +85,7 @@ def _joint_faults(run: Pipeline, body: TouchingBody) -> Iterator[str]:
 
     The deflection is weighted by the forces of contact, whose own is the measure.
     """
-    motion, (forces, pressed) = run.motion, _pressed_times(run.motion, body)
+    motion, (forces, places, pressed) = run.motion, _pressed_times(run.motion, body)
     ends = [
         (name, side, end.partition(".")[2])
         for name, joint in run.scene.joint.items()
@@ -97,11 +97,14 @@ def _joint_faults(run: Pipeline, body: TouchingBody) -> Iterator[str]:
     for k in pressed if ends else ():
         part = motion.part(k, k + 1)
         R, f = part.kinematics.frames[motion.mechanism.number_of(body.body)].rotation[0], forces[k]
-        at = np.flatnonzero(f.any(axis=1))
-        own += float(np.einsum("na,namb,mb->", f[at], body.points.between(at), f[at]))
+        at, points = np.flatnonzero(f.any(axis=1)), body.points.moved_to(places[k])
+        if body.travels:
+            own += 2.0 * sum(float(motion.contacts[name].energy[k]) for name in body.names)
+        else:
+            own += float(np.einsum("na,namb,mb->", f[at], body.points.between(at), f[at]))
         for j, (name, side, marker) in enumerate(ends):
             wrench = (part.joint_loads.reactions[name][0, side].reshape(2, 3) @ R).ravel()
-            works[j] += np.einsum("na,nak,k->", f, body.points.yields[marker], wrench)
+            works[j] += np.einsum("na,nak,k->", f, points.yields[marker], wrench)
     for (name, _, marker), work in zip(ends, works, strict=True):
         if abs(work) > UNFELT * own:
             yield (
@@ -118,7 +121,7 @@ def _spring_faults(run: Pipeline, body: TouchingBody) -> Iterator[str]:
     forces, whose work over their own stretch is the measure.
     """
     motion, part = run.motion, run.parts[body.body]
-    forces, pressed = _pressed_times(motion, body)
+    forces, places, pressed = _pressed_times(motion, body)
     given = [(f"{kind}.{key}", at.between) for kind, table in run.scene.elements.items() for key, at in table.items()]
     ends = [
         (key, element, side, end.partition(".")[2])
@@ -141,7 +144,8 @@ def _spring_faults(run: Pipeline, body: TouchingBody) -> Iterator[str]:
         wrenches, strain = motion.kinematics.wrenches(element)[pressed], motion.kinematics.strain(element)[0][pressed]
         flat = np.einsum("tkb,tba->tka", wrenches[:, side].reshape(-1, 2, 3), R).reshape(-1, 6)
         own_yields = np.einsum("nak,nam->km", loaded[marker].columns(len(all_nodes), np.eye(3)), yields)
-        moved = felt @ own_yields.T + np.einsum("tna,nak->tk", forces[pressed], body.points.yields[marker])
+        by_points = [body.points.moved_to(places[k]).yields[marker] for k in pressed]
+        moved = felt @ own_yields.T + np.einsum("tna,tnak->tk", forces[pressed], by_points)
         if isinstance(element, PointSpring):
             stretch = np.abs(element.law.forces(strain[:, 0], np.zeros(len(strain))) * strain[:, 0])
         elif isinstance(element, SixAxisSpring):
@@ -155,11 +159,16 @@ def _spring_faults(run: Pipeline, body: TouchingBody) -> Iterator[str]:
             )
 
 
-def _pressed_times(motion: Motion, body: TouchingBody) -> tuple[Array, list[int]]:
-    """Return the forces on a body's points (n_times, n, 3), and some of the output times at which there are any."""
-    forces = motion.touched.forces[body.body] if motion.touched else np.zeros((0, 0, 3))
+def _pressed_times(motion: Motion, body: TouchingBody) -> tuple[Array, Array, list[int]]:
+    """Return the forces on a body's points, their places, (n_times, n, 3) each, and some times at which there are any.
+
+    Places are of grids that travel alone.
+    """
+    if motion.touched is None:
+        return np.zeros((0, 0, 3)), np.zeros((0, 0, 3)), []
+    forces, places = motion.touched.forces[body.body], motion.touched.places[body.body]
     pressed = np.flatnonzero(forces.any(axis=(1, 2)))
-    return forces, pressed[:: -(-len(pressed) // DEPTH_FRAMES) or 1].tolist()
+    return forces, places, pressed[:: -(-len(pressed) // DEPTH_FRAMES) or 1].tolist()
 
 
 def start_faults(run: Pipeline) -> Iterator[str]:

@@ -191,8 +191,11 @@ def _unseen_depth(run: Pipeline, contact: str, body: str, face: str) -> tuple[fl
         gaps = np.einsum("ta,tna->tn", along, x + np.einsum("nam,tm->tna", shapes, q))
         return np.asarray(gaps.min(axis=1) + (frame.origin - plane.position) @ plane.normal + plane.clearance)
 
-    own = touching.points.faces[face]
+    own, there = touching.points.faces[face], motion.touched.places[body] if motion.touched else np.zeros((0, 0, 3))
     points = lowest(touching.points.x[own], touching.points.shapes[own])
+    for t in range(len(points)) if there.shape[1] else ():
+        grid = touching.points.moved_to(there[t])
+        points[t] = lowest(grid.x[own], grid.shapes[own])[t]
     deeper = (np.minimum(points, 0.0) - lowest(reduced.x[nodes], reduced.shapes[nodes])).max()
     extent = float(np.ptp(touching.points.x[own], axis=0).max())
     bulge = _bulge(part, reduced.x, nodes) if motion.contacts[contact].span[0] is None else 0.0

@@ -43,7 +43,9 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
         message = f"{what} nothing at any output time; a longer duration, or a shorter output_step, may show it"
         raise InputError(run.scene.file, key_of(run, output, "contact"), output.contact, message)
     surface, part = body_surface(run, body), run.wholes[body]
-    _, places = cKDTree(run.bodies[body].x[part.surface.nodes]).query(points.x[own])
+    there = motion.touched.places[body] if motion.touched else np.zeros((0, 0, 3))
+    x = there[frame, own] if there.shape[1] else points.x[own]
+    _, places = cKDTree(run.bodies[body].x[part.surface.nodes]).query(x)
     values, known = np.zeros(len(surface.points)), np.zeros(len(surface.points), dtype=bool)
     np.maximum.at(values, places, found[frame])  # of a near field's grid several are at a node
     known[places] = True

@@ -46,12 +46,12 @@ class Contact(SceneTable):
     # Of two rigid bodies, or one and a plane, the speed after a shock over that before, if nothing else holds them.
     restitution: Annotated[Number, Field(ge=LEAST_RESTITUTION, le=1.0)] = 1.0
     # What gives the flexibility near a contact with a plane: the ``"mesh"``, or, on a sphere, a cylinder, a cone or an
-    # ellipsoid, a ``"half-space"`` with a fine grid where the face is lowest at the start. ``"auto"`` takes this where
-    # elements are larger than half the contact.
+    # ellipsoid, a ``"half-space"`` with a fine grid where the face is lowest, which it follows. ``"auto"`` takes this
+    # where elements are larger than half the contact.
     near_field: Literal["auto", "mesh", "half-space"] = "auto"
     points: Annotated[int, Field(ge=50, le=1000)] = 400  # About how many points the grid has.
     # Width of the grid [m], more than the contact's; by default that of the contact by twice the weight, or by a shock
-    # with the energy of the start, and 30 % more.
+    # with the energy of the start, and 45 % more.
     width: PositiveLength | None = None
 
     @field_validator("between", mode="before")

@@ -26,6 +26,7 @@ class ContactDeformation:
 
     part: FlexiblePart
     points: ContactPoints
+    places: Array  # (n_times, n_points, 3): of grids that travel [m]; (n_times, 0, 3) without any
     fields: ResidualFields  # the fields, and how much of each there is at the output times
 
     @cached_property
@@ -39,7 +40,7 @@ class ContactDeformation:
         """
         modal = np.concatenate([history.modal, self._surface_stress], axis=2)
         q, limitless = np.concatenate([history.q, self.fields.sizes], axis=1), history.limitless
-        under = np.isin(history.nodes, self.points.under_grids)
+        under = np.isin(history.nodes, self.points.under_grids(self.places))
         under &= not under.all()
         return replace(history, modal=modal, q=q, limitless=under if limitless is None else limitless | under)
 
@@ -57,8 +58,10 @@ class ContactDeformation:
         assert points.elastic is not None  # or the face has no grid
         own, (_, nu) = points.faces[face], points.elastic
         frame = int(touched.pressures[self.part.name][:, own].max(axis=1).argmax())
-        forces = touched.forces[self.part.name][frame, own] @ grid.axes.T
-        return largest_stress_below(grid.places, grid.cell, forces, nu)
+        x = points.x[own] if not self.places.shape[1] else self.places[frame]
+        axes = grid.axes_about(x)
+        forces = touched.forces[self.part.name][frame, own] @ axes.T
+        return largest_stress_below(x @ axes[1:].T, grid.cell, forces, nu)
 
     def nodal_stress(self, frame: int) -> Array:
         """Return the stress at all nodes at an output time, shape (n_nodes, 6) [Pa]."""

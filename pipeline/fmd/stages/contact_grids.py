@@ -9,7 +9,7 @@ from fmd.contact.near_field import CurvedPlace, find_curved_place, with_near_fie
 from fmd.contact.touching_body import ContactPlane, ContactPoints
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.limits.contact import GRID_MARGIN, RESOLVED_BY_MESH
+from fmd.core.limits.contact import GRID_MARGIN, ONE_BALL, RESOLVED_BY_MESH
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
 from fmd.scene.scene import Scene
@@ -38,12 +38,30 @@ class StartPose:
         table: Any = self._scene.body[body]
         return np.array(table.marker[name].at) - marker.position
 
-    def loads(self, height: float, normal: Array | None = None) -> tuple[float, float]:
-        """Return twice the weight [N], and the energy of a fall from a height [J], onto a plane or wherever to."""
+    def loads(self, height: float, normal: Array | None = None, rolls: bool = False) -> tuple[float, float]:
+        """Return twice the weight [N], and the energy of a fall from a height [J], onto a plane or wherever to.
+
+        What ``rolls`` presses a plane with no more than its motion towards it, whatever its spin and its way along it.
+        """
         gravity = self._mechanism.gravity
         pull = float(np.linalg.norm(gravity)) if normal is None else max(0.0, -float(gravity @ normal))
-        weight = self._mechanism.mass * pull
-        return 2.0 * weight, float(self._kinematics.energies[0][0]) + weight * max(0.0, height)
+        weight, energy = self._mechanism.mass * pull, float(self._kinematics.energies[0][0])
+        if rolls and normal is not None:
+            energy = float(self._kinematics.momentum[0] @ normal) ** 2 / (2.0 * self._mechanism.mass)
+        return 2.0 * weight, energy + weight * max(0.0, height)
+
+    def rolls(self, body: str, at: CurvedPlace) -> bool:
+        """Return true of a body alone in the mechanism, and free, with a spherical face about its centre of mass."""
+        link, *others = self._mechanism.links
+        own = self._kinematics.momenta[0]
+        apart = own.moment[0] / link.integrals.mass - (at.place + at.axes[0] / at.curvatures[0])
+        round_off = ONE_BALL / at.curvatures[0]
+        return (
+            not others
+            and link.n_rates == 6
+            and at.curvatures[0] - at.curvatures[1] < ONE_BALL * at.curvatures[0]
+            and float(np.linalg.norm(apart)) < round_off
+        )
 
 
 def refine_near_field(
@@ -72,13 +90,14 @@ def refine_near_field(
     if contact.width is None:
         origin, R = start.frame(body)
         height = float((origin + R @ at.place - plane.position) @ plane.normal) + plane.clearance
-        half = GRID_MARGIN * at.half_width(*points.elastic, *start.loads(height, plane.normal))
+        loads = start.loads(height, plane.normal, start.rolls(body, at))
+        half = GRID_MARGIN * at.half_width(*points.elastic, *loads)
     if half == 0.0 and asked:
         fault = "is needed: nothing falls, moves or weighs on the plane that would tell the contact's width"
         raise InputError(scene.file, f"{key}.width", None, fault)
     if half == 0.0 or (not asked and half > RESOLVED_BY_MESH * at.spacing):
         return points, "mesh"
-    return _add_grid(scene, plane, points, at, half, asked)
+    return _add_grid(scene, plane, body, points, at, half, asked)
 
 
 def _require_mesh(scene: Scene, plane: ContactPlane, why: str) -> None:
@@ -89,13 +108,23 @@ def _require_mesh(scene: Scene, plane: ContactPlane, why: str) -> None:
 
 
 def _add_grid(
-    scene: Scene, plane: ContactPlane, points: ContactPoints, at: CurvedPlace, half: float, asked: bool
+    scene: Scene, plane: ContactPlane, body: str, points: ContactPoints, at: CurvedPlace, half: float, asked: bool
 ) -> tuple[ContactPoints, str]:
-    assert points.elastic is not None
     try:
-        found = with_near_field(points, plane.face, at, half, scene.contact[plane.name].points, *points.elastic)
+        found = with_near_field(
+            points, plane.face, at, half, scene.contact[plane.name].points, _travels(scene, plane.name, body)
+        )
     except ValueError as error:
         if not asked:
             return points, f"mesh, since {error}"
         raise InputError(scene.file, f"contact.{plane.name}.near_field", "half-space", str(error)) from error
-    return found, f"half-space, a grid of {len(found.faces[plane.face])} points and a width of {2e3 * half:.3g} mm"
+    follows = " that follows the contact" if any(found.grids[plane.face].travels) else ""
+    size = f"{len(found.faces[plane.face])} points and a width of {2e3 * half:.3g} mm"
+    return found, f"half-space, a grid of {size}{follows}"
+
+
+def _travels(scene: Scene, contact: str, body: str) -> bool:
+    """Return true if a contact's grid may follow it: nothing but forces depends on which points are pressed."""
+    own = scene.contact[contact]
+    alone = sum(end.partition(".")[0] == body for each in scene.contact.values() for end in each.between) == 1
+    return alone and not own.damping and not own.wear

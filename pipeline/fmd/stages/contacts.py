@@ -147,10 +147,11 @@ def find_deformations(run: Pipeline) -> dict[str, dict[str, ContactDeformation]]
             if touching.body not in run.parts:
                 continue  # rigid
             part, points = run.parts[touching.body], touching.points
-            on_nodes = points.on_nodes(forces[touching.body])
+            places = motion.touched.places[touching.body] if motion.touched else np.zeros((0, 0, 3))
+            on_nodes = points.on_nodes(forces[touching.body], places)
             solver = part.model.solver_on_joint(part.contact_faces)
             fields = find_residual_fields(part.fe, solver, part.body, points.nodes, on_nodes)
-            own[touching.body] = ContactDeformation(part, points, fields)
+            own[touching.body] = ContactDeformation(part, points, places, fields)
         found[label] = own
     return found
 

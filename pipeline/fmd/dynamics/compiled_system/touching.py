@@ -97,7 +97,9 @@ class TouchingSystem(CompiledSystem):
     @property
     def has_tangents(self) -> bool:
         """True if tangents of a motion can be marched beside it: contacts lose nothing, nothing samples."""
-        lossy = any(body.is_lossy or body.wears or len(body.points.soft) for body in self.mechanism.contacts)
+        lossy = any(
+            body.is_lossy or body.wears or body.travels or len(body.points.soft) for body in self.mechanism.contacts
+        )
         return not (self.is_sampled or lossy)
 
     def contact_numbers(self, signs: Array) -> tuple[Array, ...]:
