@@ -142,11 +142,12 @@ class TouchingSystem(CompiledSystem):
         """Return contacts whose points give way by what their forces move modes in a step, too; 0 without.
 
         They remember what those of a march's parameters p do. Faces before planes have them, whose places are linear in
-        the modes of their body; of so many points that their flexibility isn't whole, they haven't.
+        the modes of their body; of so many points that their flexibility isn't whole, or whose grid
+        travels, they haven't.
         """
         bodies, (M, K, C), moved = list[TouchingBody](), self.linear_matrices, np.zeros((self.n, self.n))
         for body in self.mechanism.contacts:
-            if body.pairs or len(body.points.soft) or any(own.law for own in body.planes):
+            if body.pairs or body.travels or len(body.points.soft) or any(own.law for own in body.planes):
                 return 0
             at = self.mechanism.modes_of(self.mechanism.number_of(body.body))
             own, points = np.ix_(at, at), body.points
