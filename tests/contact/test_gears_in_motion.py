@@ -308,7 +308,8 @@ def held(**simulation: Any) -> Pipeline:
 def test_a_gear_that_also_touches_says_that_forces_on_its_teeth_deflect_no_face() -> None:
     """Nothing is said of a body that touches beside gears; neither is pressed yet."""
     bodies = [SimpleNamespace(body=name, points=SimpleNamespace(yields={})) for name in ("pinion", "plate")]
-    touched = SimpleNamespace(forces={own.body: np.zeros((1, 1, 3)) for own in bodies})
+    none = {own.body: np.zeros((1, 1, 3)) for own in bodies}
+    touched = SimpleNamespace(forces=none, places=none)
     motion = SimpleNamespace(touched=touched, mechanism=SimpleNamespace(contacts=bodies, elements=[]))
     run: Any = SimpleNamespace(motion=motion, parts=dict.fromkeys(["pinion", "plate"]), scene=load_scene(gears()))
     ((code, text),) = unfelt_faults(run)

@@ -11,7 +11,8 @@ def test_a_force_that_pushes_in_draws_the_surface_to_it_unless_nothing_is_compre
     """Johnson, Contact Mechanics, eq. 3.22: ``−(1 − 2 ν)/(4 π G r)`` along r, and ``(1 − ν)/(2 π G r)`` inwards."""
     E, apart = 210e9, np.array([[3.0, 4.0], [-1.0, 0.0]])
     G, r = E / (2 * (1 + nu)), np.hypot(*apart.T)
-    (inwards, *across) = point_flexibility(apart[:, None], E, nu)[:, :, 0, 0].T
+    along = np.column_stack([np.zeros(2), apart / r[:, None]])
+    (inwards, *across) = point_flexibility(r, along, np.eye(3)[[0, 0]], E, nu)[:, :, 0].T
     assert inwards == pytest.approx((1 - nu) / (2 * np.pi * G * r), rel=1e-12)
     drawn = -(1 - 2 * nu) / (4 * np.pi * G * r)
     assert np.array(across) == pytest.approx(drawn * apart.T / r, rel=1e-12, abs=1e-30)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from fmd.contact.half_space import rectangle_flexibility, shear_modulus
+from fmd.contact.half_space import point_flexibility, rectangle_flexibility
 from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.data_classes import dataclass
 from fmd.core.limits import contact as limits
@@ -60,7 +60,6 @@ class CurvedGrid:
 
     points: MeshPoints  # of the mesh, without the grid
     nodes: IntArray  # (n_nodes,): numbers of the face's among them
-    others: IntArray  # (n_others,): numbers of those that other faces have
     surface: Quadric
     curvatures: tuple[float, float]  # along the two directions [1/m]
     spacing: float  # distance of the mesh's points [m]
@@ -115,46 +114,48 @@ class CurvedGrid:
         first /= np.linalg.norm(first)
         return np.stack([normal, first, np.cross(normal, first)])
 
-    def is_on_face(self, x: Array, axes: Array) -> bool:
+    def is_on_face(self, x: Array) -> bool:
         """Return true if all places x (n, 3) have nodes of the face around them."""
         if not np.isfinite(x).all():
             return False
         apart = self.points.x[self.nodes] - x[:, None]
         near = np.linalg.norm(apart, axis=2) < limits.AROUND * self.spacing
-        u, v = (apart @ axes[1:].T).transpose(2, 0, 1)
+        u, v = (apart @ self.axes_about(x)[1:].T).transpose(2, 0, 1)
         for own, angles in zip(near, np.arctan2(v, u), strict=True):
             around = np.sort(angles[own])
             if not len(around) or np.diff(around, append=around[0] + 2.0 * np.pi).max() > np.pi:
                 return False
         return True
 
-    def weights(self, x: Array, axes: Array) -> Array:
+    def weights(self, x: Array) -> Array:
         """Return rows that interpolate from the mesh's points to places, exactly what is linear along the face.
 
         Places are (n, 3), weights (n, n_points).
         """
-        apart = self.points.x[self.nodes] - x[:, None]
-        distance = np.linalg.norm(apart, axis=2)
-        sixth = np.partition(distance, min(5, len(self.nodes) - 1), axis=1)[:, min(5, len(self.nodes) - 1)]
-        size = np.maximum(limits.SMOOTHED * self.spacing, sixth)
+        nodes, along = self.points.x[self.nodes], self.axes_about(x)[1:].T / self.spacing
+        distance, sixth = np.linalg.norm(nodes - x[:, None], axis=2), min(5, len(nodes) - 1)
+        size = np.maximum(limits.SMOOTHED * self.spacing, np.partition(distance, sixth, axis=1)[:, sixth])
         w = np.exp(-0.5 * (distance / size[:, None]) ** 2)  # roots of the weights
-        rows = np.concatenate([np.ones((*distance.shape, 1)), apart @ axes[1:].T / self.spacing], axis=2) * w[..., None]
-        found = np.linalg.pinv(rows, rcond=1e-3)[:, 0] * w
+        rows = np.stack(
+            [w, *(w * (a[None] - b[:, None]) for a, b in zip((nodes @ along).T, (x @ along).T, strict=True))]
+        )
+        squares = np.einsum("anp,bnp->nab", rows, rows)
+        found = np.einsum("anp,na->np", rows, np.linalg.pinv(squares, rcond=1e-6, hermitian=True)[:, 0]) * w
         found = np.where(np.abs(found) > limits.UNSEEN_WEIGHT, found, 0.0)
         all_points = np.zeros((len(x), len(self.points.x)))
         all_points[:, self.nodes] = found / found.sum(axis=1, keepdims=True)
         return all_points
 
-    def flexibility(self, cells: IntArray, weights: Array, axes: Array) -> tuple[Array, Array]:
-        """Return the flexibility between rectangles, (n, 3, n, 3), and by which forces on other points move them."""
-        used = np.flatnonzero(weights.any(axis=0))
+    def flexibility(self, cells: IntArray, weights: Array, axes: Array) -> Array:
+        """Return the flexibility between rectangles, (n, n, 3, 3), of which each has the mesh's weights (n, n_points).
+
+        It is symmetric; about the grid's middle the face has the axes.
+        """
+        used = np.flatnonzero(weights[:, self.nodes].any(axis=0))
+        smooth, (n, p) = weights[:, self.nodes[used]], (len(cells), len(used))
+        by_node = (smooth @ self._far_field[np.ix_(used, used)].reshape(p, 9 * p)).reshape(n, p, 9)
         u, v = (cells[:, None] - cells[None] + self._most).transpose(2, 0, 1)
-        between = np.einsum("ac,uvab,bd->uvcd", axes, self._half_space, axes)
-        own = between[u, v].transpose(0, 2, 1, 3)
-        smooth = weights[:, used]
-        far = np.einsum("ip,pajb,kj->iakb", smooth, self._far_field(used), smooth, optimize=True)
-        beside = np.einsum("ip,pajb->iajb", smooth, self.points.G[used][:, :, self.others])
-        return own + far, beside
+        return np.asarray((axes.T @ self._half_space @ axes)[u, v] + (smooth @ by_node).reshape(n, n, 3, 3))
 
     @property
     def _most(self) -> IntArray:
@@ -170,51 +171,29 @@ class CurvedGrid:
         return found.transpose(0, 2, 1, 3)
 
     @cached_property
-    def _normals(self) -> Array:
-        """Inward normals at the mesh's points on the face, (n_points, 3); 0 at others."""
-        normals = np.zeros(self.points.x.shape)
-        normals[self.nodes] = self.inward(self.points.x[self.nodes])
-        return normals
-
-    @cached_property
-    def _around(self) -> Array:
-        """What the mesh's flexibility about a node has beside a half-space's, by nodes around, (n_points, 3, 3)."""
-        found, x = np.zeros((len(self.points.x), 3, 3)), self.points.x[self.nodes]
-        for k in self.nodes:
-            distance = np.linalg.norm(x - self.points.x[k], axis=1)
-            beyond = distance >= limits.APART * self.spacing
-            ring = beyond & (distance < limits.RING * self.spacing)
-            ring = self.nodes[ring if ring.any() else beyond]
-            if len(ring):
-                far = self._beside_half_space(np.array([k]), ring)[0].mean(axis=1)
-                found[k] = 0.5 * (far + far.T)
-        return found
-
-    def _beside_half_space(self, some: IntArray, others: IntArray) -> Array:
-        """Return what the mesh's flexibility has beside a half-space's, (n, 3, m, 3), of nodes that are apart."""
-        x, (E, nu) = self.points.x, self.points.elastic or (1.0, 0.0)
-        apart = x[some][:, None] - x[others][None]
-        distance = np.maximum(np.linalg.norm(apart, axis=2), self.spacing)[..., None]
-        normal = self._normals[some][:, None] + self._normals[others][None]
-        size = np.linalg.norm(normal, axis=2, keepdims=True)
-        normal = np.where(size > limits.LEAST_RIDGE, normal, self._normals[some][:, None])
-        normal = normal / np.linalg.norm(normal, axis=2, keepdims=True)
-        along = apart - (apart * normal).sum(axis=2, keepdims=True) * normal
-        size = np.linalg.norm(along, axis=2, keepdims=True)
-        along = np.where(size > 0.0, along / np.where(size > 0.0, size, 1.0), 0.0)
-        tangential = 1.0 / (2.0 * np.pi * shear_modulus(E, nu)) / distance[..., None]
-        towards = 0.5 * (1.0 - 2.0 * nu) * tangential
-        H = tangential * ((1.0 - nu) * np.eye(3) + nu * along[..., None] * along[..., None, :])
-        H += towards * (normal[..., None] * along[..., None, :] - along[..., None] * normal[..., None, :])
-        return np.asarray(self.points.G[some][:, :, others] - H.transpose(0, 2, 1, 3))
-
-    def _far_field(self, nodes: IntArray) -> Array:
-        """Return what nodes have of the mesh's flexibility beside a half-space's, (n, 3, n, 3).
+    def _far_field(self) -> Array:
+        """What nodes of the face have of the mesh's flexibility beside a half-space's, (n_nodes, n_nodes, 3, 3).
 
         Of nodes that are near each other elements tell little; there it is that of pairs somewhat farther away.
         """
-        distance = np.linalg.norm(self.points.x[nodes][:, None] - self.points.x[nodes][None], axis=2)
-        around = self._around[nodes]
-        mean = 0.5 * (around[:, None] + around[None]).transpose(0, 2, 1, 3)
+        x, (E, nu) = self.points.x[self.nodes], self.points.elastic or (1.0, 0.0)
+        apart, normals = x[:, None] - x[None], self.inward(x)
+        distance = np.linalg.norm(apart, axis=2)
+        normal = normals[:, None] + normals[None]
+        opposite = np.linalg.norm(normal, axis=2, keepdims=True) < limits.LEAST_RIDGE
+        normal = _units(np.where(opposite, normals[:, None], normal))
+        along = _units(apart - (apart * normal).sum(axis=2, keepdims=True) * normal)
+        mesh = self.points.G[self.nodes][:, :, self.nodes].transpose(0, 2, 1, 3)
+        far = mesh - point_flexibility(np.maximum(distance, self.spacing), along, normal, E, nu)
         near = distance < limits.APART * self.spacing
-        return np.asarray(np.where(near[:, None, :, None], mean, self._beside_half_space(nodes, nodes)))
+        ring = ~near & (distance < limits.RING * self.spacing)
+        ring = np.where(ring.any(axis=1, keepdims=True), ring, ~near)
+        around = np.einsum("ij,ijab->iab", ring, far) / np.maximum(ring.sum(axis=1), 1)[:, None, None]
+        around = 0.5 * (around + around.transpose(0, 2, 1))
+        return np.where(near[..., None, None], 0.5 * (around[:, None] + around[None]), far)
+
+
+def _units(x: Array) -> Array:
+    """Return directions of vectors (..., 3); 0 of those without a length."""
+    size = np.linalg.norm(x, axis=-1, keepdims=True)
+    return np.asarray(x / np.where(size > 0.0, size, 1.0))

@@ -32,17 +32,16 @@ def rectangle_flexibility(apart: Array, cell: tuple[float, float], E: float, nu:
     return _assemble(means / (cell[0] * cell[1]), shear_modulus(E, nu), nu)
 
 
-def point_flexibility(apart: Array, E: float, nu: float) -> Array:
-    """Return displacements of a half-space's surface by unit forces on points of it, (n, 3, m, 3) [m/N].
+def point_flexibility(r: Array, along: Array, normal: Array, E: float, nu: float) -> Array:
+    """Return displacements of a half-space's surface by unit forces on points of it, (..., 3, 3) [m/N].
 
-    ``apart`` (n, m, 2) leads from the force to where the surface moves [m], and is nowhere 0; axes are as those of
-    `half_space_flexibility`.
+    The surface moves at distances r (...) from the force [m], along unit vectors (..., 3); its inward normals are
+    (..., 3).
     """
-    x, y = apart[..., 0], apart[..., 1]
-    r = np.hypot(x, y)
-    return _assemble(
-        np.array([1 / r, x**2 / r**3, y**2 / r**3, x * y / r**3, x / r**2, y / r**2]), shear_modulus(E, nu), nu
-    )
+    G, r = shear_modulus(E, nu), r[..., None, None]
+    across, drawn = along[..., None] * along[..., None, :], normal[..., None] * along[..., None, :]
+    even = ((1.0 - nu) * np.eye(3) + nu * across) / (2.0 * np.pi * G)
+    return np.asarray((even + (1.0 - 2.0 * nu) / (4.0 * np.pi * G) * (drawn - drawn.swapaxes(-1, -2))) / r)
 
 
 def shear_modulus(E: float, nu: float) -> float:

@@ -98,12 +98,12 @@ def with_near_field(
     cells, cell, first, edge, free = _grid(at, half_width, count)
     others = _used_by_others(points, face)
     start, goes = GridFrame(at.place, at.axes), (travels and free[0], travels and free[1] and not at.is_line)
-    grid = CurvedGrid(
-        points, points.faces[face], others, at.surface, at.curvatures, at.spacing, start, cells, cell, first, edge, goes
-    )
+    nodes, size = points.faces[face], (at.curvatures, at.spacing)
+    grid = CurvedGrid(points, nodes, at.surface, *size, start, cells, cell, first, edge, goes)
     x = grid.places(start, cells)
-    weights, n, m = grid.weights(x, at.axes), len(x), len(others)
-    own, beside = grid.flexibility(cells, weights, at.axes)
+    weights, n, m = grid.weights(x), len(x), len(others)
+    own = grid.flexibility(cells, weights, at.axes).transpose(0, 2, 1, 3)
+    beside = np.einsum("ip,pajb->iajb", weights[:, nodes], points.G[nodes][:, :, others])
     try:
         np.linalg.cholesky(own.reshape(3 * n, 3 * n))
     except np.linalg.LinAlgError:

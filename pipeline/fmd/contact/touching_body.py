@@ -93,7 +93,7 @@ class ContactPoints:
 
     def _weights_at(self, x: Array) -> Array:
         (grid,) = self.grids.values()
-        return grid.weights(x, grid.axes_about(x))
+        return grid.weights(x)
 
     def moved_to(self, places: Array) -> ContactPoints:
         """Return points with a grid that has travelled to places (n, 3), without the flexibility there."""

@@ -36,34 +36,9 @@ def travel(c: ContactTable, rotations: Array) -> None:
             far = abs(c.asked[1] - c.lag[s, 0]) > GRID_LAG or abs(c.asked[2] - c.lag[s, 1]) > GRID_LAG
             if far:
                 c.asked[0] = s
-                call_native(
-                    c.travel,
-                    (
-                        c.asked,
-                        c.middle,
-                        c.along,
-                        c.lag,
-                        c.cells,
-                        c.x,
-                        c.shapes,
-                        c.yields,
-                        c.G,
-                        c.supple,
-                        c.box,
-                        c.reach,
-                        c.border,
-                    ),
-                )
+                changed = (c.x, c.shapes, c.yields, c.G, c.supple, c.box, c.reach, c.border)
+                call_native(c.travel, (c.asked, c.middle, c.along, c.lag, c.cells, *changed))
                 _begin_anew(c, s)
-
-
-@inner
-def _move(c: ContactTable) -> None:
-    asked, middle, along, lag, cells = c.asked, c.middle, c.along, c.lag, c.cells
-    call_native(
-        c.travel,
-        (asked, middle, along, lag, cells, c.x, c.shapes, c.yields, c.G, c.supple, c.box, c.reach, c.border),
-    )
 
 
 @inner
@@ -161,17 +136,15 @@ def travelling_function(
             wanted = (np.sign(way) * np.floor(np.abs(way) + 1.0 - GRID_LAG)).astype(np.int64)
             frame, steps = _go_on(grid, frame, wanted, cells, x)
             v["lag"][s], v["middle"][s], v["along"][s] = way - steps, frame.place, frame.axes
-        weights = grid.weights(x, frame.axes)
-        G, _ = grid.flexibility(cells[:, :2], weights, frame.axes)
-        v["G"][nodes, : len(x)] = G.transpose(0, 2, 1, 3)
-        v["shapes"][nodes] = 0.0
+        weights = grid.weights(x)
+        v["G"][nodes, : len(x)] = grid.flexibility(cells[:, :2], weights, frame.axes)
         n_modes = body.points.shapes.shape[2]
         v["shapes"][nodes, :, :n_modes] = np.einsum("ip,pam->iam", weights, grid.points.shapes)
         at = 0
         for name in body.felt:
             v["yields"][nodes, :, at : at + 6] = np.einsum("ip,pak->iak", weights, grid.points.yields[name])
             at += 6
-        v["supple"][points] = np.einsum("iaia->i", G)
+        v["supple"][points] = np.einsum("iiaa->i", v["G"][nodes, : len(x)])
         v["border"][nodes] = grid.edge[grid.numbers(cells[:, :2])]
         ends = np.stack([x.min(axis=0), x.max(axis=0)])
         v["box"][s] = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
@@ -197,7 +170,7 @@ def _go_on(grid: CurvedGrid, frame: GridFrame, wanted: IntArray, cells: Any, x: 
         left = grid.numbers(own) < 0
         ahead = np.setdiff1d(np.arange(len(own)), grid.numbers(own[~left]))
         places = grid.places(there, grid.cells[ahead])
-        if grid.is_on_face(places, there.axes):
+        if grid.is_on_face(places):
             own[left], x[left] = grid.cells[ahead], places
             cells[:, :2], cells[:, 2] = own, left
             return there, steps
