@@ -92,7 +92,7 @@ def test_a_ball_that_slides_comes_to_roll_as_its_momentum_about_the_plane_says()
 
 def test_a_march_goes_on_from_a_state_whose_grid_has_travelled() -> None:
     """Flexibilities about a place follow from the place, so that the motion is that of one march to round-off."""
-    run = rolling_ball(0.5, 50.0, 0.2e-3, "contact.floor.friction=0.3")
+    run = rolling_ball(0.5, 50.0, 0.2e-3)
     (plan,) = run.plans.values()
     method, times = plan.integrator, run.output_times
     first = method.march(plan.system, *plan.start, times[: len(times) // 2])
