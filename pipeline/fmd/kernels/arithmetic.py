@@ -7,10 +7,11 @@ arithmetic with a vector stands for all of its entries.
 
 import ast
 import operator
+from collections.abc import Sequence
 
 from fmd.core.limits.code import MOST_FACTORS
-from fmd.kernels.types import REAL, TRUTH, WHOLE, TupleType, Type, name_of, width_of
-from fmd.kernels.writer import BlockWriter, NotInSubset, Value, real, tuple_of, whole
+from fmd.kernels.types import REAL, TRUTH, WHOLE, Type, name_of, width_of
+from fmd.kernels.writer import BlockWriter, NotInSubset, Value, real, whole
 
 _NAMES: dict[type[ast.operator], str] = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul"}
 _FOLDED = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul}
@@ -30,8 +31,6 @@ def common_type(one: Type, other: Type) -> Type:
     """Return the type that holds values of both types."""
     if one == other:
         return one
-    if isinstance(one, TupleType) and isinstance(other, TupleType) and len(one.members) == len(other.members):
-        return TupleType(tuple(map(common_type, one.members, other.members)))
     if {one, other} <= {REAL, WHOLE, TRUTH}:
         return REAL if REAL in (one, other) else WHOLE
     for vector, number in ((one, other), (other, one)):
@@ -44,8 +43,6 @@ def convert(w: BlockWriter, x: Value, kind: Type) -> Value:
     """Return a value as one of another type; an integer and a truth are numbers, but a double is no integer."""
     if x.type == kind:
         return x
-    if isinstance(kind, TupleType) and isinstance(x.type, TupleType) and len(x.parts) == len(kind.members):
-        return tuple_of(tuple(convert(w, part, member) for part, member in zip(x.parts, kind.members, strict=True)))
     if x.type == TRUTH and kind in (WHOLE, REAL):
         number = whole(x.known) if x.known is not None else w.value(WHOLE, f"zext i1 {x.text} to i64")
         return convert(w, number, kind)
@@ -71,6 +68,14 @@ def compare(w: BlockWriter, name: str, x: Value, y: Value) -> Value:
     if kind == REAL:
         return w.value(TRUTH, f"fcmp {'une' if name == 'ne' else 'o' + name} double {x.text}, {y.text}")
     return w.value(TRUTH, f"icmp {name if name in ('eq', 'ne') else 's' + name} i64 {x.text}, {y.text}")
+
+
+def all_of(w: BlockWriter, tests: Sequence[Value]) -> Value:
+    """Return whether all of some truths are."""
+    result = tests[0]
+    for test in tests[1:]:
+        result = w.value(TRUTH, f"and i1 {result.text}, {test.text}")
+    return result
 
 
 def negate(w: BlockWriter, x: Value) -> Value:
@@ -125,8 +130,6 @@ def _floored(w: BlockWriter, x: Value, y: Value, rest: bool) -> Value:
 
     LLVM's division stops the process where y is 0, and where it is −1 and the quotient has no 64 bits.
     """
-    if x.known is not None and y.known:
-        return whole(x.known % y.known if rest else x.known // y.known)
     zero, minus = compare(w, "eq", y, whole(0)), compare(w, "eq", y, whole(-1))
     special = w.value(TRUTH, f"or i1 {zero.text}, {minus.text}")
     divisor = y if y.known not in (None, 0, -1) else w.value(WHOLE, f"select i1 {special.text}, i64 1, i64 {y.text}")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.kernels.arithmetic import COMPARISONS, common_type, compare, compute, convert, negate, truth
+from fmd.kernels.arithmetic import COMPARISONS, all_of, common_type, compare, compute, convert, negate, truth
 from fmd.kernels.library import FUNCTIONS
 from fmd.kernels.places import find_entry, row_of, size_of, slice_of
 from fmd.kernels.types import NOTHING, TRUTH, WHOLE, ArrayType, TableType, TupleType, llvm_type, name_of
@@ -185,10 +185,7 @@ class Expressions:
             right = self.value(other)
             results.append(compare(self.w, COMPARISONS[type(op)], left, right))
             left = right
-        total = results[0]
-        for result in results[1:]:
-            total = self.w.value(TRUTH, f"and i1 {total.text}, {result.text}")
-        return total
+        return all_of(self.w, results)
 
     def _write_boolop_value(self, node: ast.BoolOp) -> Value:
         """Write ``and`` or ``or`` of truths; of numbers they would be one of these, and are only in tests."""

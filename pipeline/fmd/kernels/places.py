@@ -6,7 +6,7 @@ What is out of bounds is noted, and read and written elsewhere, so that the kern
 import ast
 from collections.abc import Sequence
 
-from fmd.kernels.arithmetic import compute
+from fmd.kernels.arithmetic import all_of, compute
 from fmd.kernels.types import REAL, TRUTH, WHOLE, ArrayType, vector_type
 from fmd.kernels.writer import BlockWriter, NotInSubset, Value, whole
 
@@ -64,7 +64,7 @@ def slice_of(w: BlockWriter, x: Value, start: Value | None, stop: Value | None) 
     count = compute(w, ast.Sub(), stop, start)
     if w.checks is not None:
         fine = [_within(w, k, compute(w, ast.Add(), end, whole(1))) for k, end in ((start, stop), (stop, n))]
-        count = w.value(WHOLE, f"select i1 {_all(w, fine).text}, i64 {count.text}, i64 0")
+        count = w.value(WHOLE, f"select i1 {all_of(w, fine).text}, i64 {count.text}, i64 0")
     step = _row_size(w, x, 1)
     flat = compute(w, ast.Mult(), start, step)
     place = _address(w, _entry(x), x.text, flat)
@@ -78,7 +78,7 @@ def find_vector(w: BlockWriter, x: Value, at: Value, width: int) -> Value:
     place = _address(w, REAL, x.text, at)
     if w.checks is not None:
         n, last = size_of(w, x), compute(w, ast.Add(), at, whole(width - 1))
-        fine = _all(w, [_within(w, at, n), _within(w, last, n)])
+        fine = all_of(w, [_within(w, at, n), _within(w, last, n)])
         place = w.value("ptr", f"select i1 {fine.text}, ptr {place.text}, ptr @elsewhere")
     return Value(vector_type(width), place.text)
 
@@ -96,7 +96,7 @@ def _find(w: BlockWriter, x: Value, indices: Sequence[Value]) -> tuple[Value, Va
     place = _address(w, _entry(x), x.text, flat)
     if w.checks is None:
         return place, None
-    fine = _all(w, [_within(w, k, Value(WHOLE, n)) for k, n in zip(numbers, x.shape, strict=False)])
+    fine = all_of(w, [_within(w, k, Value(WHOLE, n)) for k, n in zip(numbers, x.shape, strict=False)])
     return Value(place.type, w.value("ptr", f"select i1 {fine.text}, ptr {place.text}, ptr @elsewhere").text), fine
 
 
@@ -129,10 +129,3 @@ def _within(w: BlockWriter, index: Value, n: Value) -> Value:
     assert w.checks is not None
     w.checks.append(w.place)
     return w.value(TRUTH, f"call i1 @within(i64 {len(w.checks)}, i64 {index.text}, i64 {n.text})")
-
-
-def _all(w: BlockWriter, tests: Sequence[Value]) -> Value:
-    result = tests[0]
-    for test in tests[1:]:
-        result = w.value(TRUTH, f"and i1 {result.text}, {test.text}")
-    return result
