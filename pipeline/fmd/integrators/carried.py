@@ -156,13 +156,21 @@ def _go_half_a_step(width: int) -> Any:
     return go
 
 
-@_along_fast
-def _cross(width: int) -> Any:
+def _map_of(width: int) -> Any:
+    """Make the sum of what some coordinates' rows of a map give."""
+
     @contracted
-    def total(rows: Array, i: int, v: Array, a: Array, r: Array, r1: Array, r2: Array) -> Array:
+    def sum_rows(rows: Array, i: int, v: Array, a: Array, r: Array, r1: Array, r2: Array) -> Array:
         now = read_vector(rows[0], i, width) * v + read_vector(rows[1], i, width) * a
         now = now + read_vector(rows[2], i, width) * r
         return now + read_vector(rows[3], i, width) * r1 + read_vector(rows[4], i, width) * r2
+
+    return sum_rows
+
+
+@_along_fast
+def _cross(width: int) -> Any:
+    total = _map_of(width)
 
     @contracted
     def cross(m: CarriedSteps, maps: Array, i: int) -> None:
