@@ -105,6 +105,16 @@ def returns_two(x):
 
 
 @inner
+def first_of(pair):
+    return pair[0]
+
+
+@kernel
+def hands_over_two(x):
+    return first_of((x, x))
+
+
+@inner
 def goes_round(x):
     return goes_round(x - 1) if x > 0 else 0
 
@@ -127,6 +137,7 @@ def recurs(x):
         (may_not_return, 1.0, r"may end without a return"),
         (gives_names, 1.0, r"given by their places"),
         (returns_two, 1.0, r"returns several values"),
+        (hands_over_two, 1.0, r"a tuple is no argument"),
         (recurs, 1, r"goes_round calls itself"),
     ],
 )

@@ -2,6 +2,7 @@
 
 import ast
 import builtins
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ class Expressions:
     def test(self, node: ast.expr) -> Value:
         """Write an expression that decides, and return its truth."""
         if isinstance(node, ast.BoolOp):
-            return self._decide(node, [self.test] * len(node.values))
+            return self._decide(node, self.test)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
             return self._not(self.test(node.operand))
         return truth(self.w, self.value(node))
@@ -196,28 +197,24 @@ class Expressions:
                 raise NotInSubset(f"{ast.unparse(part)} is no truth")
             return value
 
-        return self._decide(node, [only_truth] * len(node.values))
+        return self._decide(node, only_truth)
 
-    def _decide(self, node: ast.BoolOp, write: Any) -> Value:
-        """Write ``and`` or ``or``: the later ones are evaluated only if they are needed."""
-        w, ends = self.w, isinstance(node.op, ast.Or)
+    def _decide(self, node: ast.BoolOp, write: Callable[[ast.expr], Value]) -> Value:
+        """Write ``and`` or ``or``: the later ones are evaluated only if they are needed, and none if one is known."""
+        w, ends, unknown = self.w, isinstance(node.op, ast.Or), False
         place, after = w.reserve(TRUTH), w.new("after")
         w.line(f"store i1 {str(ends).lower()}, ptr {place}")
-        unknown = False
-        for part, write_part in zip(node.values, write, strict=True):
-            value = write_part(part)
-            if value.known == ends:  # the later ones are never needed
-                if not unknown:
-                    return value  # type: ignore[no-any-return]
-                break
-            if value.known is None:
+        for part in node.values:
+            value = write(part)
+            if value.known == ends and not unknown:
+                return value
+            if value.known != (not ends):
                 unknown, more = True, w.new("more")
                 w.branch(value, *((after, more) if ends else (more, after)))
                 w.label(more)
-        else:
-            if not unknown:
-                return Value(TRUTH, str(not ends).lower())
-            w.line(f"store i1 {str(not ends).lower()}, ptr {place}")
+        if not unknown:
+            return value
+        w.line(f"store i1 {str(not ends).lower()}, ptr {place}")
         w.jump(after)
         w.label(after)
         return w.value(TRUTH, f"load i1, ptr {place}")
@@ -271,7 +268,7 @@ class Expressions:
 
     def _call(self, function: Any, arguments: list[Value]) -> Value:
         name, result = self.module.function(function, tuple(x.type for x in arguments))
-        call = f'call {llvm_type(result)} @"{name}"({", ".join(word for x in arguments for word in _words(x))})'
+        call = f'call {llvm_type(result)} @"{name}"({", ".join(word for x in arguments for word in x.words())})'
         if result == NOTHING:
             self.w.line(call)
             return Value(NOTHING, "")
@@ -284,10 +281,3 @@ class Expressions:
                 for k, member in enumerate(result.members)
             )
         )
-
-
-def _words(x: Value) -> list[str]:
-    """Return an argument's words: of an array an address and dimensions, of a tuple those of its parts."""
-    if isinstance(x.type, TupleType):
-        return [word for part in x.parts for word in _words(part)]
-    return [f"{llvm_type(x.type)} {x.text}", *(f"i64 {n}" for n in x.shape)]

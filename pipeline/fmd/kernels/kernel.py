@@ -32,37 +32,35 @@ _marks: dict[Any, Compiling] = {}
 _compiling = threading.RLock()
 
 
+def _mark(how: Compiling) -> Callable[[F], F]:
+    """Return a decorator that notes how a function is compiled."""
+
+    def mark(function: F) -> F:
+        _marks[function] = how
+        return function
+
+    return mark
+
+
+inner = _mark(Compiling())
+"""Mark a function that kernels call; LLVM makes it a part of these where that pays."""
+
+inlined = _mark(Compiling(inlined=True))
+"""Mark a function that becomes a part of each kernel that calls it, for small ones that are called all the time."""
+
+contracted = _mark(Compiling(inlined=True, contracted=True))
+"""Mark an inlined function whose products and sums contract to one rounding where the processor can.
+
+What waits for a chain of them takes two thirds of the time.
+"""
+
+unrolled = _mark(Compiling(inlined=True, contracted=True, unrolled=True))
+"""Mark a contracted function whose innermost loops are long, over coordinates: some rounds go at a time."""
+
+
 def kernel(function: F) -> F:
     """Compile a function that Python calls, and kernels may."""
-    _marks[function] = Compiling(inlined=True)
-    return Kernel(function)  # type: ignore[return-value]
-
-
-def inner(function: F) -> F:
-    """Mark a function that kernels call; LLVM makes it a part of these where that pays."""
-    _marks[function] = Compiling()
-    return function
-
-
-def inlined(function: F) -> F:
-    """Mark a function that becomes a part of each kernel that calls it, for small ones that are called all the time."""
-    _marks[function] = Compiling(inlined=True)
-    return function
-
-
-def contracted(function: F) -> F:
-    """Mark an inlined function whose products and sums contract to one rounding where the processor can.
-
-    What waits for a chain of them takes two thirds of the time.
-    """
-    _marks[function] = Compiling(inlined=True, contracted=True)
-    return function
-
-
-def unrolled(function: F) -> F:
-    """Mark a contracted function whose innermost loops are long, over coordinates: some rounds go at a time."""
-    _marks[function] = Compiling(inlined=True, contracted=True, unrolled=True)
-    return function
+    return Kernel(inlined(function))  # type: ignore[return-value]
 
 
 class Kernel:

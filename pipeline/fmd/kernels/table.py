@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from ctypes import addressof, c_char
-from dataclasses import fields
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.code import DOUBLES_IN_LINE
-from fmd.kernels.types import TableType, table_type, type_of
+from fmd.kernels.types import TableType, member_names, table_type, type_of
 
 _WORD = 8  # bytes
 
@@ -24,13 +23,18 @@ def whole_lines(size: int) -> int:
 def aligned(*sizes: int) -> list[Array]:
     """Zeroed vectors that each begin a cache line: straddling one costs a small kernel a third of its speed."""
     lines = [whole_lines(size) for size in sizes]
-    block = np.zeros(sum(lines) + DOUBLES_IN_LINE)
-    start = -(address_of(block) // _WORD) % DOUBLES_IN_LINE
-    vectors = []
+    block, start, vectors = _whole_block(sum(lines), np.float64), 0, list[Array]()
     for size, line in zip(sizes, lines, strict=True):
         vectors.append(block[start : start + size])
         start += line
     return vectors
+
+
+def _whole_block(size: int, dtype: type) -> Any:
+    """Return zeros that begin a cache line."""
+    block: Any = np.zeros(size + DOUBLES_IN_LINE, dtype=dtype)
+    first = -(address_of(block) // _WORD) % DOUBLES_IN_LINE
+    return block[first : first + size]
 
 
 class _Plan(NamedTuple):
@@ -67,12 +71,12 @@ class Table:
 
     @cached_property
     def _members(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in _names(type(self))}  # type: ignore[arg-type]
+        return {name: getattr(self, name) for name in member_names(type(self))}  # type: ignore[arg-type]
 
     @cached_property
     def kernel_type(self) -> TableType:
         """Class, and types of the members."""
-        return _table_type(type(self), tuple(_kind(x) for x in self._members.values()))  # type: ignore[arg-type]
+        return table_type(type(self), tuple(_kind(x) for x in self._members.values()))  # type: ignore[arg-type]
 
     @cached_property
     def _words(self) -> IntArray:
@@ -90,18 +94,16 @@ class Table:
         copied in one block, in which each begins a cache line, and Python sees them only where it asks for them.
         """
         plan = self._plan
-        block = np.empty(plan.content.size + DOUBLES_IN_LINE, dtype=np.int64)
-        first = -(address_of(block) // _WORD) % DOUBLES_IN_LINE
-        block[first : first + plan.content.size] = plan.content
-        words = plan.words.copy()
-        words[plan.pointers] = plan.offsets + (address_of(block) + _WORD * first)
+        block, words = _whole_block(plan.content.size, np.int64), plan.words.copy()
+        block[:] = plan.content
+        words[plan.pointers] = plan.offsets + address_of(block)
         copy = object.__new__(type(self))
         known = copy.__dict__
         known |= plan.plain
         for name, (word, table) in plan.tables.items():
             known[name] = table.renewed()
             words[word] = known[name].address
-        known["_source"], known["_block"] = self, block[first:]
+        known["_source"], known["_block"] = self, block
         known["kernel_type"], known["_words"], known["address"] = self.kernel_type, words, address_of(words)
         return copy
 
@@ -158,14 +160,3 @@ def _words_of(x: Any) -> list[int]:
 def _kind(x: Any) -> Any:
     """Return a member's type; a truth is its own."""
     return bool(x) if isinstance(x, bool | np.bool_) else type_of(x)
-
-
-@cache
-def _table_type(table: Any, kinds: tuple[Any, ...]) -> TableType:
-    return table_type(table, tuple(zip(_names(table), kinds, strict=True)))
-
-
-@cache
-def _names(table: Any) -> tuple[str, ...]:
-    """Return the names of a table's members in their order."""
-    return tuple(member.name for member in fields(table))

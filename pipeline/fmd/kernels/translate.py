@@ -1,9 +1,9 @@
 """A small subset of Python to LLVM's language.
 
 A function is translated once for the types of its arguments, as a template is. It may hold numbers, C-contiguous arrays
-with their rows and slices, members of a `Table`, tuples, arithmetic, comparisons, ``if``, ``while``, ``for`` over a
-``range``, ``break``, ``continue``, ``return``, calls of other such functions, and those of `library`. A variable keeps
-the type that it is first given; one that Python would miss is 0.
+with their rows and slices, members of a `Table`, tuples that are no arguments, arithmetic, comparisons, ``if``,
+``while``, ``for`` over a ``range``, ``break``, ``continue``, ``return``, calls of other such functions, and those of
+`library`. A variable keeps the type that it is first given; one that Python would miss is 0.
 """
 
 import ast
@@ -32,7 +32,7 @@ from fmd.kernels.types import (
     llvm_type,
     name_of,
 )
-from fmd.kernels.writer import BlockWriter, NotInSubset, Value, tuple_of, whole
+from fmd.kernels.writer import BlockWriter, NotInSubset, Value, whole
 
 METADATA = f"""!0 = !{{}}
 !1 = distinct !{{!1, !2}}
@@ -97,14 +97,9 @@ def _tree(function: Any) -> ast.FunctionDef:
     return tree
 
 
-def _parameter(kind: Type, name: str) -> tuple[list[str], Value]:
-    """Return a parameter's words, of an array its address and dimensions, of a tuple its parts', and its value."""
-    if isinstance(kind, TupleType):
-        parts = [_parameter(member, f"{name}.{k}") for k, member in enumerate(kind.members)]
-        return [word for words, _ in parts for word in words], tuple_of(tuple(value for _, value in parts))
+def _parameter(kind: Type, name: str) -> Value:
     shape = tuple(f"{name}.{axis}" for axis in range(kind.n_axes)) if isinstance(kind, ArrayType) else ()
-    flag = " zeroext" if kind == TRUTH else ""
-    return [f"{llvm_type(kind)}{flag} {name}", *(f"i64 {n}" for n in shape)], Value(kind, name, shape)
+    return Value(kind, name, shape)
 
 
 class _Body(Expressions):
@@ -120,8 +115,8 @@ class _Body(Expressions):
 
     def text(self, name: str, public: bool, inlined: bool) -> str:
         """Return the function in LLVM's language."""
-        w, found = self.w, [_parameter(kind, f"%p{k}") for k, kind in enumerate(self._types)]
-        words, values = [word for part, _ in found for word in part], [value for _, value in found]
+        w, values = self.w, [_parameter(kind, f"%p{k}") for k, kind in enumerate(self._types)]
+        words = [word for x in values for word in x.words(" zeroext" if x.type == TRUTH else "")]
         arguments = self._tree.args
         if arguments.vararg or arguments.kwarg or arguments.kwonlyargs or len(arguments.args) != len(values):
             raise NotInSubset(f"{self.function.__name__} has {len(arguments.args)} plain parameters, not {len(values)}")
@@ -146,24 +141,20 @@ class _Body(Expressions):
         for statement in statements:
             if not self.w.is_open:
                 return  # after a return, a break or a continue
-            self.w.place = self.function.__code__.co_filename, self.line_of(statement)
+            self.w.place = place = self.function.__code__.co_filename, self.line_of(statement)
             write = getattr(self, f"_write_{type(statement).__name__.lower()}", None)
             try:
                 if write is None:
                     raise NotInSubset("kernels have no such statement")
                 write(statement)
             except NotInSubset as error:
-                self.w.place = self.function.__code__.co_filename, self.line_of(statement)
-                if getattr(error, "placed", False):
+                self.w.place = place
+                if error.placed:
                     error.add_note(f"in {self.function.__name__}, {self.where}")
-                    raise
-                first = ast.unparse(statement).partition("\n")[0]
-                placed = NotInSubset(f"{self.where}: {error}: {first}")
-                placed.placed = True  # type: ignore[attr-defined]
-                raise placed from error
-
-    def _write_pass(self, statement: ast.Pass) -> None:
-        pass
+                else:
+                    first = ast.unparse(statement).partition("\n")[0]
+                    error.args, error.placed = (f"{self.where}: {error}: {first}",), True
+                raise
 
     def _write_expr(self, statement: ast.Expr) -> None:
         if not isinstance(statement.value, ast.Constant):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -70,9 +71,15 @@ def array_type(dtype: np.dtype[Any], n_axes: int) -> ArrayType | None:
 
 
 @cache
-def table_type(table: type, members: tuple[tuple[str, Type | bool], ...]) -> TableType:
-    """Return the type of tables of a class with such members."""
-    return TableType(table, members)
+def member_names(table: Any) -> tuple[str, ...]:
+    """Return the names of a table's members in their order."""
+    return tuple(member.name for member in fields(table))
+
+
+@cache
+def table_type(table: type, kinds: tuple[Type | bool, ...]) -> TableType:
+    """Return the type of tables of a class with members of such types."""
+    return TableType(table, tuple(zip(member_names(table), kinds, strict=True)))
 
 
 def type_of(x: Any) -> Type:

@@ -13,6 +13,8 @@ from fmd.kernels.types import REAL, TRUTH, WHOLE, ArrayType, TupleType, Type, ll
 class NotInSubset(TypeError):  # noqa: N818 - it says what is wrong
     """A function does something that kernels can't."""
 
+    placed = False  # whether the message has file and line
+
 
 class Value(NamedTuple):
     """A value by its type and its text in LLVM's language.
@@ -25,6 +27,12 @@ class Value(NamedTuple):
     text: str
     shape: tuple[str, ...] = ()
     parts: tuple[Value, ...] = ()
+
+    def words(self, flag: str = "") -> list[str]:
+        """Return the words that a function takes for the value: of an array an address and dimensions."""
+        if isinstance(self.type, TupleType):
+            raise NotInSubset("a tuple is no argument")
+        return [f"{llvm_type(self.type)}{flag} {self.text}", *(f"i64 {n}" for n in self.shape)]
 
     @property
     def known(self) -> int | None:
