@@ -86,8 +86,22 @@ def test_a_ball_that_slides_comes_to_roll_as_its_momentum_about_the_plane_says()
     assert k2 == pytest.approx(0.4, rel=0.15)
     assert speed[-1] == pytest.approx(0.05 / (1.0 + k2), rel=0.01)
     assert spin * RADIUS == pytest.approx(speed[-1], rel=0.01)
+    assert (np.diff(own.slip) >= 0.0).all()
     assert own.friction_work[-1] == pytest.approx(kinetic[0] * k2 / (1.0 + k2), rel=0.02)
     assert not own.beyond_grid
+
+
+def test_a_grid_stays_where_its_face_ends_and_a_contact_that_goes_on_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its face is made to end 0.1 mm from where the ball begins, over which it rolls in two thirds of the time."""
+    end, whole = 0.1e-3, CurvedGrid.is_on_face
+    monkeypatch.setattr(CurvedGrid, "is_on_face", lambda grid, x: whole(grid, x) and bool(x[:, 0].max() < end))
+    run = rolling_ball(0.5, 50.0, 0.3e-3)
+    (places,) = run.motion.touched.places.values() if run.motion.touched else ()
+    reached = places[:, :, 0].max(axis=1)
+    assert reached[0] < 0.6 * end
+    assert 0.9 * end < reached.max() < end
+    assert run.motion.contacts["floor"].beyond_grid
+    assert "contact-grid" in {warning["code"] for warning in contact_warnings(run)}
 
 
 def test_a_march_goes_on_from_a_state_whose_grid_has_travelled() -> None:

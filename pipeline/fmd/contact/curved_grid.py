@@ -172,7 +172,7 @@ class CurvedGrid:
 
     @cached_property
     def _far_field(self) -> Array:
-        """What nodes of the face have of the mesh's flexibility beside a half-space's, (n_nodes, n_nodes, 3, 3).
+        """Flexibility between the face's nodes that the mesh has beside a half-space's, (n_nodes, n_nodes, 3, 3).
 
         Of nodes that are near each other elements tell little; there it is that of pairs somewhat farther away.
         """

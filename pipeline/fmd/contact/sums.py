@@ -212,7 +212,7 @@ def _sum_up_slip(c: ContactTable) -> None:
     """Find the longest way that a point of each contact has slipped, and the mean by areas of those that have."""
     for k in range(c.now.shape[0]):
         c.now[k, AREA] = 0.0
-        c.sums[k, SLIP], c.sums[k, MEAN_SLIP] = 0.0, 0.0
+        c.sums[k, MEAN_SLIP] = 0.0  # the longest way may be that of a point which has left a grid
     for i in range(c.node.size):
         if c.slid[i] > 0.0:
             s = c.surface[i]
