@@ -157,11 +157,15 @@ def shaken_block(force: float, frequency: float, duration: float, **run: Any) ->
     return cantilever(body={"block": body}, drive=drives, contact={"wall": contact}, simulation=simulation)
 
 
-def test_friction_of_stiff_points_has_one_force_for_a_step_where_it_has_several_for_its_positions() -> None:
-    """Forces from positions alone went to and fro between two that suit them, whatever the step."""
+@pytest.mark.parametrize("rho", [0.0, 0.8, 1.0])
+def test_friction_of_stiff_points_has_one_force_for_a_step_where_it_has_several_for_its_positions(rho: float) -> None:
+    """Forces from positions alone went to and fro between two that suit them, whatever the step.
+
+    With the weights of another ρ than 0 they threw points that came back within a step out again too fast.
+    """
     found = list[Array]()
     for step in (1e-6, 2.5e-7):
-        run = shaken_block(4000.0, 12e3, 2e-4, integrator="generalized-alpha", step=step, rho=0)
+        run = shaken_block(4000.0, 12e3, 2e-4, integrator="generalized-alpha", step=step, rho=rho)
         own = run.motion.contacts["wall"]
         assert own.lost_part(run.motion.energies[0]) < 0.01
         assert own.impulse[-1, 0] == pytest.approx(-20e3 * 2e-4, rel=0.02)

@@ -112,9 +112,9 @@ def step_differences(run: Pipeline) -> Differences:
     A march with twice the step differs by 2^p − 1 times the error of ours, of order p, or, where contact doesn't allow
     that, one with half the step by 1 − 2^-p of it. The order is 2, and 1 of the largest values, which the steps just
     meet, with friction, whose slip is counted by steps, with damping, and of wear. Times are known to a step,
-    slips to the longest in one, areas to a point, heat and wear to their part of the energy that steps make or lose.
-    Steps by a tolerance are compared with those by `LOOSER` times it, errors taken to fall as its root at least, with
-    looks at contacts twice as far apart, and with a shorter longest step, lest both take that.
+    slips to the longest in one, areas to a point, and no heat, wear, impulse or force better than the energy that steps
+    make or lose allows. Steps by a tolerance are compared with those by `LOOSER` times it, errors taken to fall as its
+    root at least, with looks at contacts twice as far apart, and with a shorter longest step, lest both take that.
     """
     plan = next(iter(run.plans.values()))
     method: Any = plan.integrator
@@ -150,7 +150,9 @@ def step_differences(run: Pipeline) -> Differences:
             looks = _between_looks(own, method.looks * plan.system.shock_step, method.tolerance)
             known_to |= {key: size + known_to.get(key, 0.0) for key, size in looks.items()}
         found[name] = _differences(own, histories[name], share, known_to)
-    return {name: errors | _at_least(errors, run.motion.contacts[name]) for name, errors in found.items()}
+        if method.step:  # else the sum of the energy is that of looks
+            found[name] |= _at_least(found[name], own, run.motion.energies[0])
+    return found
 
 
 def _between_looks(own: ContactHistory, apart: float, tolerance: float) -> dict[str, float]:
@@ -167,14 +169,22 @@ def _between_looks(own: ContactHistory, apart: float, tolerance: float) -> dict[
     return found | {"impulse_n_s": STEPS_OF_SHOCK * tolerance * float(np.linalg.norm(own.impulse[-1]))}
 
 
-def _at_least(errors: Mapping[str, float | str], own: ContactHistory) -> dict[str, float | str]:
-    """Return the errors of a contact's heats and wear, each no less than its part of the energy that the steps made.
+def _at_least(errors: Mapping[str, float | str], own: ContactHistory, kinetic: Array) -> dict[str, float | str]:
+    """Return errors of a contact's figures that are no less than the energy that the steps made or lost tells.
 
-    This is of one march alone, so that no other can agree with it by chance.
+    Heats and wear may miss their part of that energy, however little they are: points that slip in a single step may
+    have stuck. Speeds have half of its share of the energy (n_times,), and so have impulses by what is left of it, and
+    forces. All that is of one march alone, so that no other can agree with it by chance.
     """
-    sums = {key: float(np.abs(of(own)).max()) for key, of in {**_HEATS, **_WEAR}.items() if key in errors}
-    least = min(1.0, float(np.abs(own.energy_error).max()) / (sum(sums[key] for key in _HEATS) or math.inf))
-    return {key: max(error, least * sums[key]) for key in sums if not isinstance(error := errors[key], str)}
+    sums = {key: float(np.abs(of(own)).max()) for key, of in {**_HEATS, **_WEAR}.items()}
+    lost = np.abs(own.energy_error)
+    heat = sum(sums[key] for key in _HEATS) or math.inf
+    sizes = {key: float(lost.max()) / heat * size for key, size in sums.items()}
+    half = 0.5 * own.lost_part(kinetic)
+    left = half * float(lost[-1] / (lost.max() or 1.0))
+    for key, part in {"impulse_n_s": left, "largest_force_n": half, "largest_pressure_pa": half}.items():
+        sizes[key] = part * float(np.linalg.norm(own.figures[key] or 0.0))
+    return {key: max(error, size) for key, size in sizes.items() if not isinstance(error := errors.get(key, ""), str)}
 
 
 def _areas_of_points(run: Pipeline) -> dict[str, float]:

@@ -81,6 +81,12 @@ def answer_contacts(ahead: Any, p: Any, t: float, q: Array, v: Array, answer: Ar
 
 @singledispatch
 @inlined
+def answer_remembered(ahead: Any, p: Any, answer: Array) -> None:
+    """Find what contacts add to the accelerations of the state that they remember; nothing without."""
+
+
+@singledispatch
+@inlined
 def accelerate_answered(ahead: Any, p: Any, t: float, q: Array, v: Array, a: Array) -> None:
     """Evaluate `accelerations` at a step's end, with the forces of contacts that `answer_contacts` has found last."""
     accelerations(p, t, q, v, a)
@@ -231,6 +237,11 @@ class PlainSystem(Protocol):
     def n_contacts(self) -> int:
         """Number of contacts."""
         return 0
+
+    @property
+    def has_lossy_contacts(self) -> bool:
+        """True if contacts have friction, or lose energy otherwise."""
+        return False
 
     @property
     def shock_step(self) -> float:

@@ -20,7 +20,7 @@ from fmd.core.limits.newton import LEAST_MOVED, LEAST_PRESSED
 from fmd.dynamics.system import System, advance, remember_contacts
 from fmd.integrators.fixed_step import FixedMarch, begin_cycle, end_cycle, runs_away, sample_within, take_steps
 from fmd.integrators.march_tables import Samples
-from fmd.integrators.newmark_steps import NewmarkSteps, find_end, move_to_end
+from fmd.integrators.newmark_steps import NewmarkSteps, find_end, move_to_end, split_contacts
 from fmd.integrators.protocol import (
     Integrator,
     Progress,
@@ -57,9 +57,7 @@ class GeneralizedAlpha(ResumableIntegrator):
     @cached_property
     def weights(self) -> Array:
         """Weights α_m, α_f, β and γ that make the method of second order for this ρ∞, shape (4,)."""
-        alpha_m = (2 * self.rho - 1) / (self.rho + 1)
-        alpha_f = self.rho / (self.rho + 1)
-        return np.array([alpha_m, alpha_f, 0.25 * (1 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f])
+        return weights_of(self.rho)
 
     def order(self, system: System) -> int:
         """Return 2."""
@@ -77,15 +75,15 @@ class GeneralizedAlpha(ResumableIntegrator):
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0 with both accelerations, and memory for a tangent."""
         start, own = start_state(self, system, q0, v0, np.zeros(system.n)), system.motion
-        memory = np.zeros(own.n * own.n + 2)
+        memory = np.zeros(own.n * own.n + 2 + 2 * system.n)
         alone = replace(start, q=start.q[: own.n_positions], v=start.v[: own.n], a=start.a[: own.n])
-        memory[-1] = balanced_accelerations(own, alone).max(initial=0.0)
+        memory[own.n * own.n + 1] = balanced_accelerations(own, alone).max(initial=0.0)
         return replace(start, a=np.concatenate([start.a, start.a]), memory=memory)  # equal accelerations at first
 
     def memory_of_motion(self, state: State) -> Array:
         """Return what contacts remember: a tangent of Newton's only helps to find what the rest determines."""
         n = state.v.size
-        return state.memory[n * n + 2 :]
+        return state.memory[n * n + 2 + 2 * n :]
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
@@ -96,11 +94,12 @@ class GeneralizedAlpha(ResumableIntegrator):
             Newton's iteration did not converge; the message has the time and the step.
         """
         h, own, counts = self.step, system.motion.n, np.array([0.0, np.nan])
+        own_memory = own * own + 2 + 2 * system.n
         contacts = np.full((times.size, system.n_contact_values), np.nan)
         try:
             p = system.parameters
             make = partial(self.steps, system, p, counts)
-            march = FixedMarch(self.name, make, system, 0, h, own_memory=own * own + 2, parameters=p)
+            march = FixedMarch(self.name, make, system, 0, h, own_memory=own_memory, parameters=p)
             end, q, v, seconds = march.run(start, times, progress, contacts)
         except StabilityError:
             if np.isnan(counts[1]):
@@ -109,17 +108,32 @@ class GeneralizedAlpha(ResumableIntegrator):
         return Trajectory(self.name, h, 1, times, q, v, int(counts[0]), 0, seconds, end, contacts=contacts)
 
     def steps(self, system: System, p: Any, counts: Array, state: State) -> NewmarkSteps:
-        """Return the method's table for a state, into whose arrays it writes; ``counts`` (2,) are kept in it."""
+        """Return the method's table for a state, into whose arrays it writes; ``counts`` (2,) are kept in it.
+
+        Forces of contacts with losses have the weights of ρ∞ = 0. One that stops a mass of speed v within a step moves
+        it by h²β(1 − α_f)/(1 − α_m) = h²/((1 + ρ)²(2 − ρ)) of its acceleration, and changes its speed by h of it in
+        all: the mass leaves with up to ((1 + ρ)²(2 − ρ) − 1) v, no more than it came with by ρ∞ = 0, and 2.9 v by 0.8.
+        Those without are as the march of their tangents has them.
+        """
         n, own = system.n, system.motion.n
-        tangent, marks = state.memory[: own * own].reshape(own, own), state.memory[own * own : own * own + 2]
-        alpha_m, alpha_f, beta, gamma = self.weights.tolist()
-        to_rate, ahead = self.step * gamma * (1.0 - alpha_f) / (1.0 - alpha_m), 0
+        tangent, marks, contact = np.split(state.memory[: own * own + 2 + 2 * n], [own * own, own * own + 2])
+        by_contacts = weights_of(0.0 if system.motion.has_lossy_contacts else self.rho)
+        ahead: Any = 0
         if system.motion is system:
-            ahead = system.contacts_ahead(p, self.step, self.step * beta / gamma * to_rate, to_rate)
-        begin: tuple[Any, ...] = (state.q, state.v, state.a, tangent, marks, counts, ahead)
+            alpha_m, alpha_f, beta, gamma = by_contacts.tolist()
+            part = self.step * (1.0 - alpha_f) / (1.0 - alpha_m)
+            ahead = system.contacts_ahead(p, self.step, self.step * beta * part, gamma * part)
+        begin: tuple[Any, ...] = (state.q, state.v, state.a, contact, tangent.reshape(own, own), marks, counts, ahead)
         newton = (*LEAST_PRESSED, 3) if system.motion.n_contact_values else (LEAST_MOVED, LEAST_MOVED, 2)
-        room = aligned(*[n] * 9, system.n_positions)
-        return NewmarkSteps(self.step, alpha_m, alpha_f, beta, gamma, *newton, *begin, *room)
+        numbers: tuple[Any, ...] = (self.step, *self.weights.tolist(), *by_contacts.tolist(), *newton)
+        return NewmarkSteps(*numbers, *begin, *aligned(*[n] * 8, system.n_positions))
+
+
+def weights_of(rho: float) -> Array:
+    """Return the weights α_m, α_f, β and γ that make the method of second order for a ρ∞, shape (4,)."""
+    alpha_m = (2 * rho - 1) / (rho + 1)
+    alpha_f = rho / (rho + 1)
+    return np.array([alpha_m, alpha_f, 0.25 * (1 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f])
 
 
 def no_convergence(name: str, t: float, h: float, other: float) -> ConvergenceError:
@@ -134,6 +148,7 @@ def no_convergence(name: str, t: float, h: float, other: float) -> ConvergenceEr
 def _begin_cycle(m: NewmarkSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
     if first == 0:
         remember_contacts(p, 0.0, m.q, m.v)
+        split_contacts(m, p)
 
 
 @take_steps.register(NewmarkSteps)

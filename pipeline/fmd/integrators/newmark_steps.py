@@ -22,7 +22,14 @@ from fmd.core.limits.newton import (
 )
 from fmd.core.newton import settles
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.system import accelerate_answered, advance, answer_contacts, project, remember_answered
+from fmd.dynamics.system import (
+    accelerate_answered,
+    advance,
+    answer_contacts,
+    answer_remembered,
+    project,
+    remember_answered,
+)
 from fmd.kernels.arrays import clear, copy
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.table import Table
@@ -39,12 +46,17 @@ class NewmarkSteps(Table):
     alpha_f: float
     beta: float
     gamma: float
+    contact_alpha_m: float  # the same weights for accelerations by contacts
+    contact_alpha_f: float
+    contact_beta: float
+    contact_gamma: float
     nudge: float  # least move of positions, by which tangents are differences [rad or m]
     finest: float  # the same where one of these hasn't helped
     trials: int  # of finding a step's end: the first, one with shortened corrections where surfaces touch, the last
     q: Array
     v: Array
-    a: Array  # (2 n,): auxiliary and true accelerations
+    a: Array  # (2 n,): auxiliary accelerations without contacts', and true ones with them
+    contact: Array  # (2 n,): auxiliary and true accelerations by contacts
     tangent: Array  # (n_own, n_own): factors of Newton's tangent, of the motion alone
     marks: Array  # (2,): 1 while the tangent is valid, and the largest acceleration so far
     counts: Array  # (2,): evaluations, and the time at which Newton's iteration failed, or NaN [s]
@@ -54,8 +66,7 @@ class NewmarkSteps(Table):
     shifted: Array
     base: Array
     answer: Array  # (n,): accelerations by these forces, which trial ones are without
-    answer_base: Array  # where the tangent is differentiated, and at the last step
-    answer_then: Array
+    answer_base: Array  # where the tangent is differentiated
     v_new: Array  # rates at the step's end, and those that move the positions there
     mean: Array
     q_new: Array  # positions at the step's end
@@ -114,12 +125,45 @@ def _move_to_trial(m: NewmarkSteps, p: Any) -> None:
     """Find rates and positions at a step's end for the trial accelerations and those by contacts."""
     n = m.v.size
     for i in range(n):
-        new = m.new[i] + m.answer[i]
-        ahead = ((1.0 - m.alpha_f) * new + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
-        m.mean[i] = m.v[i] + m.h * ((0.5 - m.beta) * m.a[i] + m.beta * ahead)
-        m.v_new[i] = m.v[i] + m.h * ((1.0 - m.gamma) * m.a[i] + m.gamma * ahead)
+        ahead, pushed = _ahead(m, i), _pushed_ahead(m, i)
+        by_contact = (0.5 - m.contact_beta) * m.contact[i] + m.contact_beta * pushed
+        m.mean[i] = m.v[i] + m.h * ((0.5 - m.beta) * m.a[i] + m.beta * ahead + by_contact)
+        by_contact = (1.0 - m.contact_gamma) * m.contact[i] + m.contact_gamma * pushed
+        m.v_new[i] = m.v[i] + m.h * ((1.0 - m.gamma) * m.a[i] + m.gamma * ahead + by_contact)
     copy(m.q, m.q_new)
     advance(p, m.q_new, m.mean, m.h, 0, n)
+
+
+@inlined
+def _smooth(m: NewmarkSteps, i: int) -> float:
+    """Return the true acceleration number i at the step's begin without contacts."""
+    true: float = m.a[m.v.size + i] - m.contact[m.v.size + i]
+    return true
+
+
+@inlined
+def _ahead(m: NewmarkSteps, i: int) -> float:
+    """Return the auxiliary acceleration number i at the step's end without contacts."""
+    ahead: float = (1.0 - m.alpha_f) * m.new[i] + m.alpha_f * _smooth(m, i) - m.alpha_m * m.a[i]
+    return ahead / (1.0 - m.alpha_m)
+
+
+@inlined
+def _pushed_ahead(m: NewmarkSteps, i: int) -> float:
+    """Return the auxiliary acceleration number i at the step's end by contacts."""
+    true, alpha_f = m.contact[m.v.size + i], m.contact_alpha_f
+    ahead: float = (1.0 - alpha_f) * m.answer[i] + alpha_f * true - m.contact_alpha_m * m.contact[i]
+    return ahead / (1.0 - m.contact_alpha_m)
+
+
+@inner
+def split_contacts(m: NewmarkSteps, p: Any) -> None:
+    """Take accelerations by contacts out of the auxiliary ones at the begin of a march, whose forces p has."""
+    n = m.v.size
+    answer_remembered(m.ahead, p, m.answer)
+    for i in range(n):
+        m.contact[i], m.contact[n + i] = m.answer[i], m.answer[i]
+        m.a[i] -= m.answer[i]
 
 
 @inner
@@ -128,13 +172,13 @@ def find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
     n = m.v.size
     for trial in range(m.trials):  # a loop, since calls with constants would be compiled each
         for i in range(n):
-            m.new[i] = m.a[n + i] - m.answer_then[i]
+            m.new[i] = _smooth(m, i)
             if trial == m.trials - 1:
                 # The last accelerations, frozen over a long step, carry a stiff coordinate far out to where no tangent
                 # is of use.
                 ahead = -(m.v[i] / m.h + (0.5 - m.beta) * m.a[i]) / m.beta  # so that positions stay
                 ahead = (1.0 - m.alpha_m) * ahead + m.alpha_m * m.a[i]
-                m.new[i] = (ahead - m.alpha_f * m.a[n + i]) / (1.0 - m.alpha_f)
+                m.new[i] = (ahead - m.alpha_f * _smooth(m, i)) / (1.0 - m.alpha_f)
         if _converges(m, p, end, trial):
             return m.tangent.shape[0] == n or _carry_tangents(m, p, end)
         m.marks[0] = 0.0
@@ -281,9 +325,8 @@ def move_to_end(m: NewmarkSteps, p: Any, end: float) -> None:
     """Move the state to a step's ``end`` [s], which has been found."""
     n = m.v.size
     for i in range(n):
-        new = m.new[i] + m.answer[i]
-        m.a[i] = ((1.0 - m.alpha_f) * new + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
-        m.a[n + i], m.answer_then[i] = new, m.answer[i]
+        m.a[i], m.contact[i] = _ahead(m, i), _pushed_ahead(m, i)
+        m.a[n + i], m.contact[n + i] = m.new[i] + m.answer[i], m.answer[i]
         m.v[i] = m.v_new[i]
     copy(m.q_new, m.q)
     project(p, end, m.q, m.v)

@@ -33,6 +33,7 @@ from fmd.dynamics.system import (
     accelerations,
     advance,
     answer_contacts,
+    answer_remembered,
     contact_forces,
     is_pressed,
     may_touch,
@@ -97,10 +98,13 @@ class TouchingSystem(CompiledSystem):
     @property
     def has_tangents(self) -> bool:
         """True if tangents of a motion can be marched beside it: contacts lose nothing, nothing samples."""
-        lossy = any(
-            body.is_lossy or body.wears or body.travels or len(body.points.soft) for body in self.mechanism.contacts
-        )
-        return not (self.is_sampled or lossy)
+        others = any(body.wears or body.travels or len(body.points.soft) for body in self.mechanism.contacts)
+        return not (self.is_sampled or others or self.has_lossy_contacts)
+
+    @property
+    def has_lossy_contacts(self) -> bool:
+        """True if contacts have friction, or lose energy otherwise."""
+        return any(body.is_lossy for body in self.mechanism.contacts)
 
     def contact_numbers(self, signs: Array) -> tuple[Array, ...]:
         """Return `CONTACT_NUMBERS` of all contacts in a row, and nodes' flexibility; modes' shapes have signs (n,)."""
@@ -264,12 +268,24 @@ def _find_frames(p: Any, t: float, q: Array, v: Array) -> None:
 def _answer_contacts(ahead: ContactsAhead, p: Any, t: float, q: Array, v: Array, answer: Array) -> bool:
     _find_frames(p, t, q, v)
     touch(ahead.contact, t, q, p.origins, p.rotations)
+    _answer(ahead, ahead.contact.modal, answer)
+    for i in range(answer.size):
+        ahead.moves[i] = ahead.to_position * answer[i]
+    return True
+
+
+@answer_remembered.register(ContactsAhead)
+def _answer_remembered(ahead: ContactsAhead, p: Any, answer: Array) -> None:
+    _answer(ahead, p.contact.modal, answer)
+
+
+@inner
+def _answer(ahead: ContactsAhead, modal: Array, answer: Array) -> None:
+    """Find the accelerations by forces on modes."""
     for i in range(answer.size):
         answer[i] = 0.0
         for j in range(answer.size):
-            answer[i] += ahead.moved[i, j] * ahead.contact.modal[j]
-        ahead.moves[i] = ahead.to_position * answer[i]
-    return True
+            answer[i] += ahead.moved[i, j] * modal[j]
 
 
 @accelerate_answered.register(ContactsAhead)
