@@ -8,30 +8,28 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.memory import MOST_WIDENED, SMALL_SYSTEM
+from fmd.core.limits.memory import SMALL_SYSTEM
+
+
+def places_of(matrix: sp.csr_array) -> tuple[IntArray, IntArray]:
+    """Return where a matrix' rows begin and its entries' columns, of 64 bits as kernels take them, which most are."""
+    return matrix.indptr.astype(np.int64, copy=False), matrix.indices.astype(np.int64, copy=False)
 
 
 class SparseProducts:
     """A sparse matrix (m, n) that is multiplied with many columns: each of its entries is read once for some of them.
 
     SciPy's product goes through all columns at each entry, which takes two to three times as long for eight. It is
-    taken for very large matrices, for it needs no places of 64 bits, and for small ones, which need no machine code.
+    taken for small matrices, which need no machine code.
     """
 
     def __init__(self, matrix: sp.csr_array) -> None:
         self.matrix = matrix
-        self._entries: tuple[IntArray, IntArray, Array] | None = None
-
-    def _find_entries(self) -> tuple[IntArray, IntArray, Array]:
-        if self._entries is None:
-            places = self.matrix.indptr.astype(np.int64), self.matrix.indices.astype(np.int64)
-            self._entries = (*places, self.matrix.data.astype(float, copy=False))
-        return self._entries
+        self._entries = *places_of(matrix), matrix.data.astype(float, copy=False)
 
     def __matmul__(self, x: Array) -> Array:
         """Return the product with x, (n,) or (n, k)."""
-        small = self.matrix.shape[0] < SMALL_SYSTEM
-        if x.ndim == 1 or x.shape[1] < 2 or small or self.matrix.nnz > MOST_WIDENED:
+        if x.ndim == 1 or x.shape[1] < 2 or self.matrix.shape[0] < SMALL_SYSTEM:
             return np.asarray(self.matrix @ x)
         from fmd.fem.column_products import LANES, multiply_columns
         from fmd.kernels.table import aligned
@@ -41,7 +39,7 @@ class SparseProducts:
         for first in range(0, x.shape[1], LANES):
             columns = x[:, first : first + LANES]
             some[:, : columns.shape[1]] = columns
-            multiply_columns(*self._find_entries(), some, product)
+            multiply_columns(*self._entries, some, product)
             out[:, first : first + LANES] = product[:, : columns.shape[1]]
         return out
 

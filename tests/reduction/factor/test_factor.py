@@ -16,7 +16,7 @@ from scipy.sparse.linalg import splu
 from threadpoolctl import ThreadpoolController
 
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.memory import BYTES_FOR_RESPONSES
+from fmd.core.limits.memory import BYTES_FOR_RESPONSES, SLENDER
 from fmd.core.memory import available_memory
 from fmd.fem.assembly import assemble
 from fmd.fem.markers import face_marker
@@ -26,7 +26,7 @@ from fmd.fem.model import FEModel
 from fmd.meshes.bar import hexahedral_bar, tetrahedral_bar
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.factor import factor, multifrontal, order
-from fmd.reduction.factor.factor import MissingSolverError, TooLargeError, factor_nonzeros, factorise
+from fmd.reduction.factor.factor import MissingSolverError, TooLargeError, factor_nonzeros, factorise, predict_bytes
 from fmd.reduction.factor.order import fill_reducing_order, node_graph
 
 pytestmark = pytest.mark.slow
@@ -144,6 +144,23 @@ def test_nodes_are_coupled_that_any_of_their_unknowns_are(n: int, size: int) -> 
             coupled = A.toarray().reshape(n // found, found, n // found, found).any(axis=(1, 3))
             np.testing.assert_array_equal(graph.toarray() > 0, coupled | coupled.T)
             assert graph.nnz == np.count_nonzero(coupled | coupled.T)
+
+
+def test_slender_bodies_alone_are_eliminated_from_their_ends(
+    tetrahedra: FEModel, hexahedra: FEModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the operations of both orders: a column of k entries takes about k² of them."""
+    pytest.importorskip("pymetis")
+
+    def operations(fe: FEModel, slender: float) -> tuple[str, float]:
+        monkeypatch.setattr(order, "SLENDER", slender)
+        found = fill_reducing_order(*node_graph(fe.K))
+        return found.name, float((multifrontal.elimination_tree(found.graph)[0] ** 2).sum())
+
+    for fe, usual in ((tetrahedra, "METIS"), (hexahedra, "MMD")):
+        names, counts = zip(*(operations(fe, slender) for slender in (SLENDER, 0.0, np.inf)), strict=True)
+        assert names == (usual, "MMD", "METIS")
+        assert counts[0] == min(counts) < max(counts)
 
 
 @pytest.mark.parametrize("body", ["tetrahedra", "hexahedra"])
@@ -324,9 +341,25 @@ def test_fronts_take_no_more_at_their_peak_than_was_looked_for(
     assert kept.figures.memory < peak < needed[0] < 1.5 * peak
 
 
+@pytest.mark.parametrize("body", ["tetrahedra", "hexahedra"])
+def test_a_search_for_modes_takes_at_its_peak_what_was_predicted(
+    body: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By tracemalloc, mesh and matrices included."""
+    monkeypatch.setattr(factor, "SMALL_SYSTEM", 0)
+    fe = request.getfixturevalue(body)
+    FreeBodySolver(fe).modes(10)  # what is loaded and compiled once
+    tracemalloc.start()
+    again = assemble(fe.discretisation.mesh, 2, fe.material)
+    FreeBodySolver(again).modes(10)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 0.8 < predict_bytes(again.discretisation.element_nodes, 10) / peak < 1.3
+
+
 def test_static_responses_take_no_more_at_their_peak_than_was_looked_for(hexahedra: FEModel) -> None:
     solver, f = FreeBodySolver(hexahedra), np.random.default_rng(0).standard_normal((*hexahedra.x.shape, 8))
-    solver.static_response(f[:, :, :2])  # the matrices' places as 64-bit numbers are kept, which loads don't count
+    solver.static_response(f[:, :, :2])  # what is kept whatever the loads
     tracemalloc.start()
     solver.remembered_response(f)
     peak = tracemalloc.get_traced_memory()[1]

@@ -12,18 +12,22 @@ CELLS_AT_ONCE = 4096  # cells of a file at a time
 ENTRIES_AT_ONCE = 1200  # entries of an element's matrices under all loads at a time, in large meshes
 FEW_ENTRIES = 5_000_000  # the same of a small mesh, times its nodes, of which there are as many as elements or more
 SMALL_SYSTEM = 1500  # unknowns, below which SciPy's SuperLU with an order of its own solves for eight loads as fast
-MOST_WIDENED = 20_000_000  # entries of a matrix whose places are kept as 64-bit numbers beside it: 160 MB
 # Entries of 3 × 3 blocks for each nonzero of A, from which on nodes begin within blocks: 1.00 to 1.06 where they don't.
 SHIFTED_BLOCKS = 1.2
 MOST_COUPLED = 10.0  # times the mean of nodes' couplings: a node with more, as of a rigid face, covers no others
+# Steps along a body over the nodes of each, from which on minimum degree takes 0.69 to 0.88 of dissection's operations
+# (2 to 4.2); of 0.3 to 1.0 it takes 0.74 to 1.5 of them.
+SLENDER = 1.5
 # Zeros, for each of which a factor's front becomes part of another: a front more takes as long as a few thousand.
 FRONT_ZEROS, SHARE_OF_ZEROS = 4000, 0.05
 # Of a front, columns in a panel and rows in a tile, which the kernels' text has one by one; columns in a block, whole
 # tiles, whose rows stay in the processor's nearest cache.
 PANEL, TILE, BLOCK = 4, 8, 64
-# Bytes for each nonzero of A while it is copied from one format to the next: 25 to 55 and 9 to 15 were measured.
-BYTES_FOR_CHOLMOD, BYTES_FOR_FRONTS = 60.0, 20.0
-BYTES_OF_MATRICES = 192.0  # of stiffness and mass, for each pair of nodes: 9 and 3 entries with their columns
+# Bytes for each nonzero of A while it is factorised: 25 to 55, by copies, and 1.9 to 5.1 were measured.
+BYTES_FOR_CHOLMOD, BYTES_FOR_FRONTS = 60.0, 6.0
+# Of stiffness and mass, for each pair of nodes, 9 and 3 entries with their columns, and a mesh with its places in them:
+# 315 to 380 were measured, of which 192 are of the entries; of the shifted stiffness while it is factorised.
+BYTES_OF_MATRICES, BYTES_OF_SHIFTED = 300.0, 144.0
 # Vectors at the peak of a search for modes: of each mode, for each load that is solved for at a time, and beside these.
 # Measured of 10 to 200 modes: 81 and 7.0 of each with one load at a time; with eight 0.67 (10 modes) to 0.96 of these.
 VECTORS_OF_MODE, VECTORS_OF_BLOCK, VECTORS_BESIDE = 8, 30, 100

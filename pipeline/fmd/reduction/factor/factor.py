@@ -17,6 +17,7 @@ from fmd.core.errors import AccuracyError
 from fmd.core.limits.memory import (
     BYTES_FOR_CHOLMOD,
     BYTES_OF_MATRICES,
+    BYTES_OF_SHIFTED,
     SMALL_SYSTEM,
     VECTORS_BESIDE,
     VECTORS_OF_BLOCK,
@@ -98,7 +99,8 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
     again, fronts = own.plan_fronts(order, counts, parent)
     figures = FactorFigures("multifrontal", order.name, n, nonzeros, 8 * sum(front.entries for front in fronts))
     stack = own.plan_stack(fronts)
-    _refuse_too_large(figures, own.bytes_beside(fronts, stack, A.nnz))
+    widened = 8.0 * A.nnz if A.indices.itemsize < 8 else 0.0
+    _refuse_too_large(figures, own.bytes_beside(fronts, stack, A.nnz) + widened)
     with one_thread():
         return Factor(own.factorise_fronts(A, order.unknowns[again], fronts, stack), figures, at_once=LANES)
 
@@ -149,7 +151,7 @@ def predict_bytes(nodes: IntArray, count: int) -> float:
     graph = sp.csr_array(within.T @ within)
     order, unknowns = fill_reducing_order(graph, 3), 3 * graph.shape[0]
     _, fronts = own.plan_fronts(order, *own.elimination_tree(order.graph))
-    beside = own.bytes_beside(fronts, own.plan_stack(fronts), 9 * graph.nnz)
+    beside = own.bytes_beside(fronts, own.plan_stack(fronts), 9 * graph.nnz) + BYTES_OF_SHIFTED * graph.nnz
     kept = 8 * sum(front.entries for front in fronts) + BYTES_OF_MATRICES * graph.nnz
     return float(kept + max(beside, _search_bytes(unknowns, count, LANES)))
 

@@ -19,6 +19,7 @@ from fmd.core.data_classes import dataclass
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.memory import BYTES_FOR_FRONTS, FRONT_ZEROS, SHARE_OF_ZEROS
 from fmd.core.limits.modes import SINGULAR
+from fmd.fem.products import places_of
 from fmd.kernels.kernel import inlined, kernel
 from fmd.kernels.table import aligned
 from fmd.reduction.factor.order import Order, unknowns_of
@@ -50,7 +51,7 @@ def elimination_tree(graph: sp.csr_array) -> tuple[IntArray, IntArray]:
     """
     counts = np.ones(graph.shape[0], dtype=np.int64)
     parent, seen = np.full((2, graph.shape[0]), -1, dtype=np.int64)
-    _count_columns(graph.indptr.astype(np.int64), graph.indices.astype(np.int64), counts, parent, seen)
+    _count_columns(*places_of(graph), counts, parent, seen)
     return counts, parent
 
 
@@ -104,7 +105,8 @@ def plan_fronts(order: Order, counts: IntArray, parent: IntArray) -> tuple[IntAr
         last, end = first + widths[node], done + len(members[node])
         own_rows = columns[coupled.indptr[done] : coupled.indptr[end]]
         rows = np.concatenate([own_rows, *(rows_below.pop(child) for child in children[node])])
-        rows_below[node] = rows = np.unique(rows[rows >= last])
+        rows = np.sort(rows[rows >= last])  # np.unique makes a table of them, which takes as long as all else here
+        rows_below[node] = rows = rows[np.diff(rows, prepend=-1) > 0]
         number[node] = len(fronts)
         below = unknowns_of(rows, size)
         fronts.append(Front(size * first, size * widths[node], below, tuple(number[c] for c in children[node])))
@@ -168,7 +170,7 @@ def factorise_fronts(
     n = A.shape[0]
     place, local, places = (np.zeros(n, dtype=np.int64) for _ in range(3))
     place[order] = np.arange(n)
-    matrix = (A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data, order.astype(np.int64), place)
+    matrix = (*places_of(A), A.data, order.astype(np.int64), place)
     begins, room = stack
     ends = np.cumsum([0, *(front.entries for front in fronts)])
     (L,), left, pivots = aligned(int(ends[-1])), np.empty(room), np.empty(n)

@@ -1,18 +1,22 @@
-"""Orders in which the factor of a sparse symmetric matrix fills in little: METIS' nested dissection of few nodes.
+"""Orders in which the factor of a sparse symmetric matrix fills in little: nested dissection or minimum degree.
 
 Of quadratic elements most nodes are in the middle of edges. All that such a node is coupled to is coupled to a corner,
 too, so that its elimination right before the corner's fills in nothing more than that does (the order of the corners
 decides), and a separator of the corners is one of all nodes. So corners alone are ordered, a sixth of the nodes.
+Minimum degree eliminates a slender body from its ends, where dissection couples each part to two others: it leaves a
+third fewer operations to a bar of 90 × 4 × 8 elements, and 1.7 times as many to a compact block.
 """
 
 from importlib.util import find_spec
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.csgraph import breadth_first_order
 
 from fmd.core.arrays import IntArray
 from fmd.core.data_classes import dataclass
-from fmd.core.limits.memory import MOST_COUPLED, SHIFTED_BLOCKS
+from fmd.core.limits.memory import MOST_COUPLED, SHIFTED_BLOCKS, SLENDER
+from fmd.fem.products import places_of
 from fmd.kernels.kernel import kernel
 from fmd.reduction.factor.superlu import superlu
 
@@ -48,41 +52,62 @@ def node_graph(A: sp.csr_array) -> tuple[sp.csr_array, int]:
     graph = _coupled_nodes(A, size)
     if size**2 * graph.nnz > SHIFTED_BLOCKS * A.nnz:
         size, graph = 1, _coupled_nodes(A, 1)
-    turned = sp.csr_array(graph.T)  # both have their columns ascending
-    graph = sp.csr_array(turned.T)
-    same = np.array_equal(graph.indptr, turned.indptr) and np.array_equal(graph.indices, turned.indices)
-    return graph if same else sp.csr_array(graph.maximum(turned)), size
+    begins, nodes = places_of(graph)
+    if not _is_symmetric(begins, nodes, begins[:-1].copy()):
+        graph = sp.csr_array(graph.maximum(graph.T))
+    return graph, size
 
 
 def _coupled_nodes(A: sp.csr_array, size: int) -> sp.csr_array:
     """Return the nodes of ``size`` unknowns that each node's rows of a matrix have entries of, in no order."""
     n = A.shape[0] // size
     nodes, ends, seen = np.empty(A.nnz, dtype=np.int64), np.zeros(n + 1, dtype=np.int64), np.full(n, -1)
-    node_of = np.repeat(np.arange(n), size)
-    _list_coupled(A.indptr.astype(np.int64), A.indices.astype(np.int64), node_of, seen, nodes, ends)
+    _list_coupled(*places_of(A), size, seen, nodes, ends)
     return sp.csr_array((np.ones(ends[-1], dtype=np.int8), nodes[: ends[-1]], ends), (n, n))
 
 
 @kernel
 def _list_coupled(
-    indptr: IntArray, indices: IntArray, node_of: IntArray, seen: IntArray, nodes: IntArray, ends: IntArray
+    indptr: IntArray, indices: IntArray, size: int, seen: IntArray, nodes: IntArray, ends: IntArray
 ) -> None:
     """List the nodes that each node's rows have entries of, each once, and where its list ends."""
     count = 0
-    for row in range(len(indptr) - 1):
-        node = node_of[row]
-        for p in range(indptr[row], indptr[row + 1]):
-            coupled = node_of[indices[p]]
-            if seen[coupled] != node:
-                seen[coupled] = node
-                nodes[count] = coupled
-                count += 1
+    for node in range(len(ends) - 1):
+        first = end = 0  # unknowns of the node before, which most entries follow
+        for p in range(indptr[size * node], indptr[size * node + size]):
+            unknown = indices[p]
+            if unknown < first or unknown >= end:
+                coupled = unknown // size
+                first = size * coupled
+                end = first + size
+                if seen[coupled] != node:
+                    seen[coupled] = node
+                    nodes[count] = coupled
+                    count += 1
         ends[node + 1] = count
 
 
+@kernel
+def _is_symmetric(indptr: IntArray, indices: IntArray, at: IntArray) -> bool:
+    """Tell whether a graph is symmetric with its columns ascending; ``at`` begins as the rows' first places.
+
+    Its entries are gone through row by row, by which those of each column come in the order of its mirrored row.
+    """
+    for i in range(len(at)):
+        for p in range(indptr[i], indptr[i + 1]):
+            j = indices[p]
+            if at[j] == indptr[j + 1] or indices[at[j]] != i:
+                return False
+            at[j] += 1
+    return True
+
+
 def fill_reducing_order(graph: sp.csr_array, size: int) -> Order:
-    """Order the nodes of a `node_graph` by METIS, or by SuperLU's minimum degree where pymetis isn't installed."""
-    indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
+    """Order the nodes of a `node_graph` by METIS, or by SuperLU's minimum degree.
+
+    The latter takes those of slender bodies, and all where pymetis isn't installed.
+    """
+    indptr, indices = places_of(graph)
     degrees, n = np.diff(indptr), graph.shape[0]
     decides, seen = np.full((2, n), -1)
     pairs, ends = np.empty((2, len(indices)), dtype=np.int64), np.zeros(1, dtype=np.int64)
@@ -93,7 +118,7 @@ def fill_reducing_order(graph: sp.csr_array, size: int) -> Order:
     few = graph[deciding][:, deciding].astype(float)
     few.setdiag(0.0)
     few.eliminate_zeros()
-    if find_spec("pymetis") is not None and few.nnz:
+    if find_spec("pymetis") is not None and few.nnz and not _is_slender(few):
         import pymetis
 
         adjacency = pymetis.CSRAdjacency(few.indptr, few.indices)
@@ -106,6 +131,16 @@ def fill_reducing_order(graph: sp.csr_array, size: int) -> Order:
     np.minimum.at(place, covered, place[by])
     nodes = np.lexsort((decides, degrees, place))
     return Order(nodes, np.flatnonzero(decides[nodes] == 1), sp.csr_array(graph[nodes][:, nodes]), size, name)
+
+
+def _is_slender(graph: sp.csr_array) -> bool:
+    """Tell whether there are many steps from one end of a connected graph to the other, for the nodes at each."""
+    order, before = breadth_first_order(graph, 0)
+    order, before = breadth_first_order(graph, order[-1])
+    length, node = 1, order[-1]
+    while before[node] >= 0:
+        length, node = length + 1, before[node]
+    return len(order) == graph.shape[0] and length**2 > SLENDER * len(order)
 
 
 @kernel
