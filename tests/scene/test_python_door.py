@@ -17,7 +17,7 @@ from fmd.scene.joints.any_joint import Joint
 from fmd.scene.joints.prismatic import Prismatic
 from fmd.scene.joints.revolute import Revolute
 from fmd.scene.loads import Drive, TorqueDrive
-from fmd.scene.modes import ModeSettings, RayleighDamping
+from fmd.scene.modes import ModeSettings, RayleighDamping, damping_ratios
 from fmd.scene.outputs import Chart, FrequencyResponseChart, Output
 from fmd.scene.places import MarkerPlace
 from fmd.scene.reading import SceneTable
@@ -41,6 +41,16 @@ ROD = {
         "run": [{"integrator": "auto"}],
     },
 }
+
+
+@pytest.mark.parametrize("zero", [{"alpha": 0}, {"beta": "0 us"}, {"alpha": "0 1/s", "beta": 0}])
+def test_factors_of_nothing_are_no_damping_as_a_ratio_of_nothing_is(zero: dict[str, Any]) -> None:
+    none = ModeSettings(count=2, damping=zero).damping
+    assert not none
+    assert damping_ratios(none, [1.0, 2.0]) == damping_ratios(0.0, [1.0, 2.0]) == [0.0, 0.0]
+    assert ModeSettings(count=2, damping={"alpha": 0, "beta": "2 us"}).damping
+    with pytest.raises(InputError, match="is missing: give alpha"):
+        ModeSettings(count=2, damping={})
 
 
 def test_numbers_are_in_si_units_and_texts_have_units() -> None:

@@ -42,8 +42,12 @@ class RayleighDamping(SceneTable):
     beta: Annotated[Time, NonNegative] = 0.0  # Factor of the stiffness [s].
 
     def _check(self) -> None:
-        if not (self.alpha or self.beta):
+        if not self.model_fields_set:  # a factor of 0 is no damping, as a ratio of 0 is
             raise FaultError("is missing: give alpha, e.g. '12 1/s', or beta, e.g. '2 us', or both", "alpha")
+
+    def __bool__(self) -> bool:
+        """Tell whether there is any, as a ratio does."""
+        return bool(self.alpha or self.beta)
 
 
 Ratio = Annotated[Number, Field(ge=0.0, lt=1.0)]
