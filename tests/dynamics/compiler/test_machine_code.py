@@ -24,7 +24,7 @@ from fmd.dynamics.compiler.formulas import trace_table
 from fmd.dynamics.compiler.functions import FUNCTIONS
 from fmd.dynamics.compiler.graph import Graph, combine
 from fmd.dynamics.compiler.program import LANES, Output, Program
-from fmd.dynamics.compiler.store import constants_path, load_program, object_path
+from fmd.dynamics.compiler.store import kept_path, load_program
 from fmd.dynamics.links import PointLoad
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant, formula
@@ -170,7 +170,26 @@ def test_objects_are_read_back_and_damaged_ones_made_anew(monkeypatch: pytest.Mo
             assert y[0] == 1.0
         assert len(compiled) == before + 1
         kept = list(tmp_path.iterdir())
-        assert sorted(path.suffix for path in kept) == [".constants", ".object"]  # names depend on the processor
+        # Names depend on the processor.
+        assert sorted(path.suffix for path in kept) == [".constants", ".object", ".places"]
+
+
+def test_structures_whose_code_is_the_same_are_compiled_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Two modes that change places move zeros of arrays."""
+    monkeypatch.setattr(store, "kernel_folder", lambda: tmp_path)
+    compiled = []
+    monkeypatch.setattr(store, "compile_object", lambda text, **_: compiled.append(text) or compile_object(text))
+    x, y = np.array([2.0, 3.0, 5.0]), np.zeros(1)
+    for factors in ([4.0, 0.0, 7.0], [4.0, 7.0, 0.0]):
+        graph = Graph()
+        product = graph.vector_input("x", range(3)).dot(graph.array(np.array(factors)))
+        program = Program("f", graph, ("x", "y"), (Output(product, ("y", (0,))),))
+        for _ in range(2):
+            store._loaded.clear()  # as in another process
+            run(program, load_program("f", repr(factors), lambda own=program: own), x, y)
+            assert y[0] == x @ factors
+    assert len(compiled) == 1
+    assert len([*tmp_path.glob("*.places")]) == 2
 
 
 def test_a_process_loads_an_object_once_and_keeps_the_last_used(
@@ -194,10 +213,9 @@ def test_an_object_that_cannot_be_kept_serves_all_the_same(monkeypatch: pytest.M
 
 
 def test_another_processor_has_objects_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    here = constants_path("f", "sin"), object_path("f", b"sin")
+    here = [kept_path("f", b"sin", kind) for kind in ("constants", "places", "object")]
     monkeypatch.setattr(store, "processor", lambda: ("22.1.0", "another", "+avx2"))
-    assert constants_path("f", "sin") not in here
-    assert object_path("f", b"sin") not in here
+    assert not {kept_path("f", b"sin", path.suffix[1:]) for path in here} & {*here}
 
 
 def test_a_mechanism_whose_object_is_kept_is_not_traced(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -309,7 +327,7 @@ def test_processes_that_compile_at_once_agree(tmp_path: Path) -> None:
     with multiprocessing.get_context("spawn").Pool(2) as pool:
         results = pool.map(_accelerate, [tmp_path] * 2)
     assert len(set(results)) == 1
-    assert sorted(path.suffix for path in tmp_path.glob("accelerations.*")) == [".constants", ".object"]
+    assert sorted(path.suffix for path in tmp_path.glob("accelerations.*")) == [".constants", ".object", ".places"]
 
 
 def test_registers_are_as_wide_as_the_processor_says(monkeypatch: pytest.MonkeyPatch) -> None:

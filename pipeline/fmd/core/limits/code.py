@@ -22,7 +22,6 @@ STANDING = (*STRUCTURAL, 0.5)  # numbers that stand in shared code: as an expone
 
 # Kept code.
 FIRST_CONSTANT = 2.0  # number that stands for the first constant; those that stand for themselves are smaller
-BYTES_OF_COUNT = 8  # that say how many constants kept code reads
 
 # Products.
 UNROLLED = 16  # columns up to which a matrix is multiplied without a loop, its columns in the code

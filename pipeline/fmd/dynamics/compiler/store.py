@@ -1,4 +1,4 @@
-"""Compiled programs on disk: an object file for each structure of a program, and the constants of each program.
+"""Compiled programs on disk: object files, structures of programs and the code of each, and each program's constants.
 
 A program whose graph differs from another's in constants alone needs no compiling: the code is read for both, and has
 an array of constants of its own in each copy that is loaded.
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.limits.code import BYTES_OF_COUNT, LONG_EFFORT, LONG_PROGRAM, MOST_EFFORT
+from fmd.core.limits.code import LONG_EFFORT, LONG_PROGRAM, MOST_EFFORT
 from fmd.core.limits.memory import MOST_LOADED
 from fmd.core.paths import kernel_folder
 from fmd.core.recently_used import RecentlyUsed
@@ -38,43 +38,51 @@ def load_program(name: str, digest: str, trace: Callable[[], Program]) -> Loaded
 
     The digest is of all that it is made from, apart from the sources.
     """
-    path = constants_path(name, digest)
+    path = kept_path(name, digest, "constants")
     return _loaded.get(path, lambda: _read_program(name, path) or _make_program(name, path, trace))
 
 
 def _read_program(name: str, path: Path) -> LoadedObject | None:
     """Return a program whose constants are kept in a file, with the digest of its structure before them."""
     kept = read_code(path)
-    content = None if kept is None else read_code(object_path(name, kept[:DIGEST_BYTES]))
-    if kept is None or content is None:
-        return None
-    return LoadedObject(_split_code(content)[1], np.frombuffer(kept[DIGEST_BYTES:]))
+    found = None if kept is None else _read_structure(name, kept[:DIGEST_BYTES])
+    return None if kept is None or found is None else LoadedObject(found[1], np.frombuffer(kept[DIGEST_BYTES:]))
+
+
+def _read_structure(name: str, digest: bytes) -> tuple[Array, bytes] | None:
+    """Return the numbers of the constants at their places, and the object file, of programs of a structure."""
+    kept = read_code(kept_path(name, digest, "places"))
+    code = None if kept is None else read_code(kept_path(name, kept[:DIGEST_BYTES], "object"))
+    return None if kept is None or code is None else (np.frombuffer(kept[DIGEST_BYTES:]), code)
 
 
 def _make_program(name: str, path: Path, trace: Callable[[], Program]) -> LoadedObject:
-    """Trace a program, write and compile its code unless a program of the same structure has been, and keep both."""
+    """Trace a program, write its code unless a program of the same structure has been, and keep both."""
     program = trace()
     structure, own = split_constants(program)
     digest = digest_of(structure)
-    of_code = object_path(name, digest)
-    content = read_code(of_code)
-    if content is None:
-        from fmd.dynamics.compiler.llvm import emit
-
-        source, places = emit(number_constants(program), register_width())
-        code = compile_object(source, effort=_effort(program))
-        content = len(places).to_bytes(BYTES_OF_COUNT, "little") + places.tobytes() + code
-        write_code(of_code, content)
-    places, code = _split_code(content)
+    places, code = _read_structure(name, digest) or _write_structure(name, digest, program)
     constants = place_constants(places, own)
     write_code(path, digest + constants.tobytes())
     return LoadedObject(code, constants)
 
 
-def _split_code(content: bytes) -> tuple[Array, bytes]:
-    """Split kept code into the numbers of the constants at their places, and the object file."""
-    end = BYTES_OF_COUNT + np.dtype(float).itemsize * int.from_bytes(content[:BYTES_OF_COUNT], "little")
-    return np.frombuffer(content[BYTES_OF_COUNT:end]), content[end:]
+def _write_structure(name: str, digest: bytes, program: Program) -> tuple[Array, bytes]:
+    """Write the code of a structure, and compile it unless another structure's is the same, as `_read_structure` does.
+
+    Two modes that change places move zeros of arrays, which few programs leave out.
+    """
+    from fmd.dynamics.compiler.llvm import emit
+
+    source, places = emit(number_constants(program), register_width())
+    written = digest_of(source.encode())
+    of_code = kept_path(name, written, "object")
+    code = read_code(of_code)
+    if code is None:
+        code = compile_object(source, effort=_effort(program))
+        write_code(of_code, code)
+    write_code(kept_path(name, digest, "places"), written + places.tobytes())
+    return places, code
 
 
 def _effort(program: Program) -> int:
@@ -84,11 +92,9 @@ def _effort(program: Program) -> int:
     return LONG_EFFORT if program.operations(register_width()) >= LONG_PROGRAM else MOST_EFFORT
 
 
-def constants_path(name: str, digest: str) -> Path:
-    """Return where a program's constants are kept."""
-    return kernel_folder() / f"{name}.{digest_of(repr((digest, processor())).encode()).hex()}.constants"
+def kept_path(name: str, digest: str | bytes, kind: str) -> Path:
+    """Return where what a digest stands for is kept, for this processor: a program's constants, places, or an object.
 
-
-def object_path(name: str, digest: bytes) -> Path:
-    """Return where the machine code of all programs of a structure is kept, for this processor."""
-    return kernel_folder() / f"{name}.{digest_of(repr((digest, processor())).encode()).hex()}.object"
+    Places say which constants the code of a structure reads, behind the digest of its source, which the object is of.
+    """
+    return kernel_folder() / f"{name}.{digest_of(repr((digest, processor())).encode()).hex()}.{kind}"
