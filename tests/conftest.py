@@ -62,7 +62,7 @@ from fmd.render.calls import draw_here
 from fmd.stages import visual_files
 from fmd.stages.meshing import cad_files
 
-gc.set_threshold(20 * ALLOCATIONS)  # tests build as many objects as the command does, beside what the process keeps
+gc.set_threshold(5 * ALLOCATIONS)  # tests build as many objects as the command does, beside what the process keeps
 # Examples are of what Hypothesis knows, not of all numbers in whatever modules are loaded: reading these takes each
 # process three seconds, and a test would have other examples alone than beside others.
 providers._get_local_constants = lambda: providers._local_constants

@@ -5,7 +5,6 @@ Its help has each entry as a paragraph of the terminal's width.
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 import textwrap
@@ -16,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 from cyclopts import App, CycloptsError, UnknownOptionError
 
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.memory import ALLOCATIONS
 from fmd.core.limits.shown import HELP_COLUMN, HELP_WIDTH
 
 if TYPE_CHECKING:
@@ -115,7 +113,11 @@ _COMMANDS = {
 }
 for _number, (_place, _help) in enumerate(_COMMANDS.items()):
     app.command(f"fmd.cli.{_place}", help=_help, sort_key=_number)
-app.register_install_completion_command(help="Let the shell complete commands and options (bash, zsh, fish).")
+app.command(
+    "fmd.cli.completion:install",
+    name="--install-completion",
+    help="Let the shell complete commands and options (bash, zsh, fish).",
+)
 
 
 # Errors of numerical libraries, by name, since these aren't loaded for each command.
@@ -124,7 +126,6 @@ _NUMERICAL = ("ArpackError", "LinAlgError", "FloatingPointError", "OverflowError
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; wrong input ends with status 2, a failed check with 3, each with one message."""
-    gc.set_threshold(ALLOCATIONS)
     given = sys.argv[1:] if arguments is None else arguments
     try:
         try:

@@ -9,6 +9,8 @@ import warnings
 from importlib import import_module
 from types import FrameType
 
+from fmd.core.limits.memory import ALLOCATIONS
+
 
 def main() -> None:
     """Run the command line with the program's arguments; Ctrl-C ends it by one line at any time.
@@ -25,6 +27,7 @@ def main() -> None:
 
     signal.signal(signal.SIGINT, interrupt)
     atexit.register(gc.freeze)
+    gc.set_threshold(ALLOCATIONS)
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     warnings.filterwarnings("ignore", category=RuntimeWarning)
     try:
