@@ -247,6 +247,7 @@ def _points(
         "outward": np.concatenate([own.outward for own in surfaces]),
         "near": np.zeros((n, NEAR_TRIANGLES), dtype=np.int64),
         "n_near": np.zeros(n, dtype=np.int64),
+        "below": np.full(n, -1, dtype=np.int64),
         "foot": np.zeros((n, 3), dtype=np.int64),
         "supple": np.concatenate(supple),
         "active": np.zeros(n, dtype=np.int64),

@@ -120,5 +120,5 @@ def _list_triangles(c: ContactTable, s: int, radius: float) -> float:
                 nearest = 0.0
             elif nearest > 0.0:
                 nearest = min(nearest, math.sqrt(square) - c.ball[f, 3])
-        c.n_near[i] = count
+        c.n_near[i], c.below[i] = count, -1
     return float(nearest)

@@ -111,6 +111,7 @@ class ContactTable(Table):
     shares: Array  # (n,): of a round point in the law's force
     near: IntArray  # (n, NEAR_TRIANGLES)
     n_near: IntArray  # (n,)
+    below: IntArray  # (n,): the nearest of these at the last state; -1 if none is known
     foot: IntArray  # (n, 3): nodes at the corners of the triangle below it
     weights: Array  # (n, 3): of these
     axes: Array  # (n, 3, 3): normal and tangents in space, a row each

@@ -14,7 +14,7 @@ from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
 from fmd.core.limits.contact import BEYOND_RIM, DEEP_ENTRY, FACING
 from fmd.core.limits.round_off import SUMMED
-from fmd.kernels.kernel import inner
+from fmd.kernels.kernel import inlined, inner
 
 
 @inner
@@ -23,16 +23,22 @@ def stand_on_triangles(c: ContactTable, s: int, i: int, R: Array, R_other: Array
 
     R and R_other turn the point's body and the triangles' into space.
     """
-    nearest, high, best = math.inf, 0.0, -1
+    nearest, high, best, last = math.inf, 0.0, -1, c.below[i]
+    within = math.sqrt(_measure(c, last, i)[0]) if last >= 0 else math.inf
     for k in range(c.n_near[i]):
         f = c.near[i, k]
+        if _is_beyond(c, f, c.node[i], within):
+            continue
         square, height = _measure(c, f, i)
-        closer = square < (1.0 - SUMMED) * nearest
+        closer, last = square < (1.0 - SUMMED) * nearest, f
         if closer or (square <= (1.0 + SUMMED) * nearest and abs(height) > abs(high)):
             nearest, high, best = square, height, f
+            within = min(within, math.sqrt(square))
+    c.below[i] = best
     if best < 0:
         return False
-    _measure(c, best, i)  # which leaves its weights
+    if last != best:
+        _measure(c, best, i)  # which leaves its weights
     size = _set_normal(c, best, i, nearest, high)
     facing = 0.0
     for a in range(3):
@@ -61,6 +67,18 @@ def stand_on_triangles(c: ContactTable, s: int, i: int, R: Array, R_other: Array
     c.free[i, 0] = gap + c.clearance[s]
     c.seen[i, 0] = 1
     return True
+
+
+@inlined
+def _is_beyond(c: ContactTable, f: int, p: int, within: float) -> bool:
+    """Return true if a triangle is farther from a node than a distance, by the ball around its corners."""
+    a, b, d = c.corner[f, 0], c.corner[f, 1], c.corner[f, 2]
+    one, two, three, far = 0.0, 0.0, 0.0, 0.0
+    for k in range(3):
+        middle = (c.place[a, k] + c.place[b, k] + c.place[d, k]) / 3.0
+        one, two = one + (c.place[a, k] - middle) ** 2, two + (c.place[b, k] - middle) ** 2
+        three, far = three + (c.place[d, k] - middle) ** 2, far + (c.place[p, k] - middle) ** 2
+    return far > (1.0 + SUMMED) * (within + math.sqrt(max(one, two, three))) ** 2
 
 
 @inner
