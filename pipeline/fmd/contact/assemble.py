@@ -281,6 +281,7 @@ def _rooms(group: IntArray, counts: IntArray, damping: Array) -> dict[str, Any]:
         "first_entry": np.ascontiguousarray(first),
         "stride": stride,
         "D": np.zeros(ends[-1, 0]),
+        "E": np.zeros(ends[-1, 0] // 3),
         "N": np.zeros(ends[-1, 1]),
         "L": np.zeros(ends[-1, 1]),
         "n_factored": np.full(len(counts), -1, dtype=np.int64),

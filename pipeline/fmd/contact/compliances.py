@@ -103,7 +103,7 @@ def _has_columns(c: ContactTable, g: int, count: int) -> bool:
 
 @inner
 def keep_along_normals(c: ContactTable, g: int) -> None:
-    """Fill N, the flexibilities along normals, where D or these have changed; its factor is no more to be used then."""
+    """Fill E and N, for forces along normals, where D or these have changed; N's factor is no more to be used then."""
     changed = c.n_factored[g] == -2
     for own in range(c.n_chosen[g]):
         i = c.chosen[c.group[g] + own]
@@ -228,7 +228,7 @@ def _add_turned(c: ContactTable, i: int, j: int, left: bool, right: bool, sign: 
 @inner
 def _set_along_normals(c: ContactTable, g: int) -> None:
     first, count, stride = c.group[g], c.n_chosen[g], c.stride[g]
-    size, d, n = c.width[g], c.first_entry[g, 0], c.first_entry[g, 1]
+    size, d, n, e = c.width[g], c.first_entry[g, 0], c.first_entry[g, 1], c.first_entry[g, 0] // 3
     c.n_factored[g] = -1
     for own in range(count):
         i = c.chosen[first + own]
@@ -236,15 +236,37 @@ def _set_along_normals(c: ContactTable, g: int) -> None:
             c.normal_then[i, k] = c.turned[i, 0, k]
     for own in range(count):
         i = c.chosen[first + own]
-        n0, n1, n2 = c.normal_then[i, 0], c.normal_then[i, 1], c.normal_then[i, 2]
-        row = d + 3 * own * stride
+        row, at, k = e + own * stride, d + 3 * own * stride, 0
+        one, two = fill_vector(c.normal_then[i, 0], DOUBLES_IN_LINE), fill_vector(c.normal_then[i, 1], DOUBLES_IN_LINE)
+        three = fill_vector(c.normal_then[i, 2], DOUBLES_IN_LINE)
+        while k < 3 * count:
+            total = one * read_vector(c.D, at + k, DOUBLES_IN_LINE)
+            total = total + two * read_vector(c.D, at + stride + k, DOUBLES_IN_LINE)
+            total = total + three * read_vector(c.D, at + 2 * stride + k, DOUBLES_IN_LINE)
+            write_vector(c.E, row + k, total)
+            k += DOUBLES_IN_LINE
         for other in range(own + 1):
-            j, total = c.chosen[first + other], 0.0
-            for b in range(3):
-                at = row + 3 * other + b
-                total += (n0 * c.D[at] + n1 * c.D[at + stride] + n2 * c.D[at + 2 * stride]) * c.normal_then[j, b]
-            c.N[n + own * size + other] = total
-            c.N[n + other * size + own] = total
+            j, at = c.chosen[first + other], row + 3 * other
+            along = c.E[at] * c.normal_then[j, 0] + c.E[at + 1] * c.normal_then[j, 1]
+            along += c.E[at + 2] * c.normal_then[j, 2]
+            c.N[n + own * size + other] = along
+            c.N[n + other * size + own] = along
+
+
+@inner
+def press_points(c: ContactTable, g: int) -> None:
+    """Find the displacements of chosen points by their normal forces."""
+    size, e = c.stride[g], c.first_entry[g, 0] // 3
+    for k in range(size):
+        c.answer[k] = 0.0
+    for own in range(c.n_chosen[g]):
+        force = c.force[c.chosen[c.group[g] + own], 0]
+        if force != 0.0:
+            row, k, many = e + own * size, 0, fill_vector(force, DOUBLES_IN_LINE)
+            while k < 3 * c.n_chosen[g]:
+                more = many * read_vector(c.E, row + k, DOUBLES_IN_LINE)
+                write_vector(c.answer, k, read_vector(c.answer, k, DOUBLES_IN_LINE) + more)
+                k += DOUBLES_IN_LINE
 
 
 @inner

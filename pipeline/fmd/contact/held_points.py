@@ -231,7 +231,7 @@ def _press_points(c: ContactTable, near: ContactTable, g: int, way: float, dG: A
     for own in range(c.n_chosen[g]):
         i = c.chosen[first + own]
         for k in range(3):
-            m.pushes[i, k] = near.own[i, k]
+            m.pushes[i, k] = near.force[i, 0] * m.normal[i, k]
     _displace(c, g, way, dG, soft, m)
     for own in range(c.n_chosen[g]):
         i = c.chosen[first + own]

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 
-from fmd.contact.compliances import keep_along_normals
+from fmd.contact.compliances import keep_along_normals, press_points
 from fmd.contact.dense import dot
 from fmd.contact.tables import ContactTable
+from fmd.core.limits.code import DOUBLES_IN_LINE
 from fmd.core.limits.contact import BLOCK_CHANGES, SET_CHANGES, SMALL_FORCE
 from fmd.kernels.kernel import inner
+from fmd.kernels.vectors import fill_vector, read_vector, write_vector
 
 
 @inner
 def find_normal_forces(c: ContactTable, g: int) -> bool:
-    """Find the normal forces on a group's chosen points from those active before; false if that has no end.
+    """Find a group's normal forces and displacements from the points active before; false if that has no end.
 
     All points that are wrong change sides at once (Kunisch & Rendl, SIAM J Optim 14, 2003); if they go on doing so,
     the worst alone. The factor of the active points stays as long as these and N do.
@@ -34,15 +36,16 @@ def find_normal_forces(c: ContactTable, g: int) -> bool:
         for k in range(active):
             c.force[c.chosen[first + c.factored[first + k]], 0] = c.b[k]
             largest = max(largest, abs(c.b[k]))
+        press_points(c, g)
         worst, at, wrong = 0.0, -1, 0
         for own in range(count):
-            i, row = c.chosen[first + own], n + own * size
-            soft = c.N[row + own]
+            i = c.chosen[first + own]
+            soft = c.N[n + own * (size + 1)]
             fault = -c.force[i, 0] * soft
             if c.active[i] == 0:
                 fault = -c.free[i, 0]
-                for k in range(active):
-                    fault -= c.N[row + c.factored[first + k]] * c.b[k]
+                for k in range(3):
+                    fault -= c.normal_then[i, k] * c.answer[3 * own + k]
             if fault > SMALL_FORCE * largest * soft + c.noise[g]:
                 wrong += 1
                 if fault > worst:
@@ -101,5 +104,11 @@ def solve_active(c: ContactTable, g: int) -> None:
         i = count - 1 - back
         row = n + i * size
         c.b[i] /= c.L[row + i]
-        for k in range(i):
+        k, many = 0, fill_vector(c.b[i], DOUBLES_IN_LINE)
+        while k + DOUBLES_IN_LINE <= i:
+            less = many * read_vector(c.L, row + k, DOUBLES_IN_LINE)
+            write_vector(c.b, k, read_vector(c.b, k, DOUBLES_IN_LINE) - less)
+            k += DOUBLES_IN_LINE
+        while k < i:
             c.b[k] -= c.L[row + k] * c.b[i]
+            k += 1

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from fmd.contact.compliances import choose_points, move_points
+from fmd.contact.compliances import choose_points
 from fmd.contact.damping import relax_points, repeats_step, soften_gaps
 from fmd.contact.friction_forces import find_friction_forces
 from fmd.contact.normal_forces import find_normal_forces
@@ -115,7 +115,7 @@ def _find_forces(c: ContactTable, g: int, q: Array, origins: Array, rotations: A
         _begin(c, g, rubs)
         if not (find_friction_forces(c, g) if rubs else find_normal_forces(c, g)):
             return False
-        twice = _spread(c, g, rubs)
+        twice = _spread(c, g)
         band, missed = 0.0, False
         for i in range(first, c.group[g + 1]):
             own = math.sqrt(max(0.0, twice * c.supple[i]))
@@ -162,21 +162,12 @@ def _set_own(c: ContactTable, i: int) -> None:
 
 
 @inner
-def _spread(c: ContactTable, g: int, rubs: bool) -> float:
-    """Turn the forces on chosen points into own axes and the displacements by them, and return ``λᵀ D λ``.
-
-    Friction forces are found with their displacements.
-    """
-    first, count, twice = c.group[g], c.n_chosen[g], 0.0
-    for k in range(0 if rubs else c.stride[g]):
-        c.answer[k] = 0.0
-    for own in range(count):
-        i = c.chosen[first + own]
+def _spread(c: ContactTable, g: int) -> float:
+    """Turn the forces on chosen points into own axes, take the displacements found, and return ``λᵀ D λ``."""
+    twice = 0.0
+    for own in range(c.n_chosen[g]):
+        i = c.chosen[c.group[g] + own]
         _set_own(c, i)
-        if c.force[i, 0] != 0.0 and not rubs:
-            move_points(c, g, own, c.own[i, 0], c.own[i, 1], c.own[i, 2])
-    for own in range(count):
-        i = c.chosen[first + own]
         for k in range(3):
             c.moved[i, k] = c.answer[3 * own + k]
             twice += c.own[i, k] * c.moved[i, k]

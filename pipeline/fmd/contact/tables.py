@@ -168,8 +168,9 @@ class ContactTable(Table):
     Q_then: Array  # (n, 3, 3): what D was found with
     weights_then: Array  # (n, 3)
     foot_then: IntArray  # (n, 3)
+    E: Array  # displacements of all chosen points by a force of 1 along the normal of each, a row each
     N: Array  # flexibility between chosen points along their normals
-    normal_then: Array  # (n, 3): what N was found with
+    normal_then: Array  # (n, 3): what E and N were found with
     P: Array  # the inverse of D, where friction had it found; nothing without friction
     inverted: IntArray  # (n_groups,): 1 where it is, -1 where D has none
     swept: IntArray  # (n_groups,): sweeps of Gauss–Seidel with this D
