@@ -1,6 +1,7 @@
 """Factors of large symmetric positive definite matrices, by our own multifrontal method or by CHOLMOD.
 
-Both work on METIS' nested dissection (pymetis), where it is there; of small matrices SciPy's SuperLU makes the factor.
+Both work on an order that fills in little, by METIS or minimum degree; of small matrices SciPy's SuperLU makes the
+factor.
 Its size is known from the elimination tree before anything is factorised, so one that doesn't fit is refused at once.
 """
 
