@@ -300,12 +300,20 @@ def test_a_step_that_does_not_converge_is_halved_where_it_is_left_open_and_named
         _ = block(IMPLICIT, "simulation.step=1 us", "body.block.modes.enrich=inertia").motion
 
 
+def test_steps_keep_energy_if_they_lose_a_hundredth_at_most_and_make_half_of_that() -> None:
+    """What they make stands beside the swing of the rest's energy, which goes up and down."""
+    own, kinetic = block(*NEAR).motion.contacts["floor"], np.array([2.0, 1.0])
+    none = own._replace(energy=np.zeros(2), friction_work=np.zeros(2), damping_work=np.zeros(2))
+    for made, kept in ((0.009, True), (0.011, False), (-0.019, True), (-0.021, False)):
+        assert none._replace(energy_error=np.array([0.0, made])).keeps_energy(kinetic) == kept, made
+
+
 def test_a_contact_that_half_the_step_no_longer_finds_has_changed() -> None:
     """Relative to what is left of it, nothing, no change could be told."""
     run, no_work = automatic(BLOCK, 5e-3), {"friction_work": np.zeros(2), "damping_work": np.zeros(2)}
     found: list[dict[str, Any]] = []
     for size in (1.0, 0.0):
-        own = SimpleNamespace(lost_part=lambda _: 0.0, impulse=np.full((2, 3), size), largest=[size], **no_work)
+        own = SimpleNamespace(keeps_energy=lambda _: True, impulse=np.full((2, 3), size), largest=[size], **no_work)
         found.append({"run": SimpleNamespace(energies=np.ones((2, 2)), contacts={"floor": own})})
     assert not steps_settle(run.scene, found)
     assert steps_settle(run.scene, found[:1] * 2)

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.contact import LOST_ENERGY, MADE_ENERGY
 
 FORCE, IMPULSE, MOMENT, AREA, PRESSURE = 0, 3, 6, 9, 10
 """Places of a contact's values: vectors in space, then numbers."""
@@ -48,9 +49,16 @@ class ContactHistory(NamedTuple):
         That is the bodies' kinetic energy (n_times,), what the contact stores, or what it turns into heat: of bodies
         that are set down or at rest kinetic energy alone is next to nothing.
         """
+        return self._part(np.abs(self.energy_error), kinetic)
+
+    def keeps_energy(self, kinetic: Array) -> bool:
+        """Return true if steps neither lost nor made much of that energy; bodies have kinetic energy (n_times,)."""
+        return self.lost_part(kinetic) <= LOST_ENERGY and self._part(self.energy_error, kinetic) <= MADE_ENERGY
+
+    def _part(self, energy: Array, kinetic: Array) -> float:
         energies = kinetic, self.energy, self.friction_work, self.damping_work
         scale = max(float(np.abs(own).max()) for own in energies)
-        return float(np.abs(self.energy_error).max()) / scale if scale else 0.0
+        return float(energy.max()) / scale if scale else 0.0
 
     @property
     def largest(self) -> tuple[float, float, float]:

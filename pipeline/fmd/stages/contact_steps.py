@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.errors import InputError
-from fmd.core.limits.contact import CHOSEN_STEP, HALVED_STEPS, LARGEST_STEP, LINEAR_TIMES, LOST_ENERGY, SHOCK_STEPS
+from fmd.core.limits.contact import CHOSEN_STEP, HALVED_STEPS, LARGEST_STEP, LINEAR_TIMES, SHOCK_STEPS
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiled_system.shared import make_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -152,7 +152,7 @@ def steps_settle(scene: Scene, found: Sequence[Mapping[str, Motion]]) -> bool:
     than that from the one before, or no less than before.
     """
     for motion in found[-1].values():
-        if any(own.lost_part(motion.energies[0]) > LOST_ENERGY for own in motion.contacts.values()):
+        if not all(own.keeps_energy(motion.energies[0]) for own in motion.contacts.values()):
             return False
     if not scene.refines_contacts:
         return True

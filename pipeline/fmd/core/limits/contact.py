@@ -61,6 +61,7 @@ FEWER_POINTS = 0.5  # of a grid's points: of the run that tells the grid's error
 DEEP_START = 1e-6  # of the body's size: how deep it may be in the ground at the start
 ROUNDED_START = 1e-6  # of the largest force: less at the start is of an interference that is the round-off of places
 LOST_ENERGY = 0.01  # of kinetic energy, contact's or its heat: more that contact's steps make or lose is warned of
+MADE_ENERGY = 0.005  # of the same: more that they make, beside which the energy of the rest swings by some 0.3 %
 ASLANT = 0.5  # [rad]: how far a picture of a face's pressure is taken beside its normal, and above it
 FEW_ON_MESH = 12  # points of a curved face that are pressed: fewer tell the force to less than 2 %
 FEW_POINTS = 32  # of a grid that are pressed: fewer tell the largest pressure to less than 2 %
