@@ -108,7 +108,7 @@ def test_the_surface_has_the_fields_of_all_nodes(out: Path, run: Pipeline) -> No
 def test_the_life_of_a_node_is_that_of_its_history(out: Path, run: Pipeline) -> None:
     """The worst node by critical planes: its axial stress counted by the rainflow package."""
     rows = read_rows(out / "life.csv")
-    worst, stress = rows[0], run.stress_of("bar")
+    worst, stress = rows[0], run.at_vibrations.stress_of("bar")
     normal = np.array([float(worst[f"plane_normal_{axis}"]) for axis in "xyz"])
     (place,) = np.flatnonzero(stress.nodes == int(worst["node"]))
     tensors = stress.modal[place] @ stress.q.T

@@ -1,5 +1,6 @@
 """Instants of shocks between output times: stress there is that of a march whose output times are its steps."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -7,18 +8,23 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
 from fmd.core.limits.contact import SHOCK_TIMES
 from fmd.output.instants import choose_instants
 from fmd.output.pictures import draw_film, draw_stress
 from fmd.output.report.view3d import collect_view
 from fmd.output.stress_fields import fatigue_law, find_fatigue
+from fmd.output.stress_warnings import vibration_warnings
 from fmd.output.summary import summarise
 from fmd.recovery.fatigue import fatigue_by_signed_von_mises
 from fmd.recovery.motion import Motion
 from fmd.render.camera import Camera
 from fmd.scene.pictures import Film, StressPicture
 from fmd.scene.stress_outputs import Fatigue
+from fmd.stages.instants import find_shock_times
+from fmd.stages.other_motions import with_motions
 from tests.contact.test_contact_points import BLOCK
+from tests.output.test_histories import SCENE
 
 SN = 'sn={amplitude="1 MPa", cycles=1e6, slope=5.0}'
 FATIGUE = f'output=[{{type="fatigue", file="life.csv", body="plate", count=5, stress="signed von Mises", {SN}}}]'
@@ -50,12 +56,19 @@ def test_the_largest_stress_of_a_shock_is_that_at_any_step(coarse: Pipeline, at_
     assert own.principal_3.min() == pytest.approx(fine.principal_3.min(), rel=1e-7)
 
 
+def to_last_output(coarse: Pipeline, at_steps: Pipeline) -> Pipeline:
+    """Return the run whose outputs are steps up to the last output time of the other one."""
+    ((label, motion),) = at_steps.motions.items()
+    stop = int(np.searchsorted(motion.times, coarse.motion.times[-1] * (1 + 1e-12)))
+    return with_motions(at_steps, {label: motion.part(0, stop)})
+
+
 def test_fatigue_counts_the_cycle_of_a_shock(coarse: Pipeline, at_steps: Pipeline) -> None:
-    """What rings on afterwards is in the output times alone, which miss about a quarter of the damage."""
+    """What rings on afterwards counts, too, to what sixteen instants to a period leave."""
     (output,) = coarse.scene.output
     assert isinstance(output, Fatigue)
-    found, exact = (find_fatigue(run, output).damage.max() for run in (coarse, at_steps))
-    assert 0.7 * exact < found < 1.01 * exact
+    found, exact = (find_fatigue(run, output).damage.max() for run in (coarse, to_last_output(coarse, at_steps)))
+    assert found == pytest.approx(exact, rel=0.02)
     outputs = fatigue_by_signed_von_mises(coarse.stress_of("plate", coarse.motion), fatigue_law(output), 5, 1.0)
     assert outputs.damage.max() < 0.02 * exact
 
@@ -117,6 +130,50 @@ def test_pictures_films_and_the_report_show_the_instant_of_the_shock(coarse: Pip
     assert summary["worst_stress"]["plate"]["value_pa"] == value
     assert summary["worst_stress"]["plate"]["time_s"] == time
     assert not [own for own in summary["warnings"] if own["code"] == "coarse-output-times"]
+
+
+BARE = SCENE.partition("[[output]]")[0]
+SPRUNG = (
+    "joint.hinge.spring='4000 N m'",
+    "joint.hinge.damper='0 N m s'",
+    "simulation.duration='64 ms'",
+    FATIGUE.replace("plate", "bar").replace('"1 MPa"', '"40 MPa"'),
+)
+
+
+def sprung(folder: Path, output_step: str) -> Pipeline:
+    """Return the stages of a bar without contacts that swings on a stiff spring in some 7 ms."""
+    (file := folder / "scene.toml").write_text(BARE)
+    return Pipeline(load_scene(file, [*SPRUNG, f"simulation.output_step='{output_step}'"]), Cache(None))
+
+
+def test_fatigue_counts_what_swings_between_output_times_without_contacts(tmp_path: Path) -> None:
+    swinging, exact = sprung(tmp_path, "9 ms"), sprung(tmp_path, "0.02 ms")
+    (output,) = exact.scene.output
+    assert isinstance(output, Fatigue)
+    damage = [find_fatigue(run, output).damage.max() for run in (swinging, exact)]
+    assert damage[0] == pytest.approx(damage[1], rel=0.03)
+    outputs = fatigue_by_signed_von_mises(swinging.stress_of("bar"), fatigue_law(output), 5, 1.0)
+    assert outputs.damage.max() < 0.9 * damage[1]
+
+
+def test_vibrations_that_fatigue_leaves_out_are_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fmd.stages.instants.VIBRATION_TIMES", 100)
+    run = sprung(tmp_path, "9 ms")
+    (warning,) = vibration_warnings(run)
+    assert len(run.at_vibrations.motion.times) <= len(run.motion.times) + 100
+    (step,) = re.findall(r"output_step = '([^']+)'", warning["text"])
+    assert vibration_warnings(sprung(tmp_path, step)) == []
+
+
+def test_shocks_in_more_intervals_than_have_instants_are_the_largest(
+    coarse: Pipeline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fmd.stages.instants.SHOCK_TIMES", 2)
+    times = find_shock_times(coarse.motion)
+    assert 0 < len(times) <= 4
+    at = np.searchsorted(coarse.motion.times, times)
+    assert np.unique(at).tolist() == [int(coarse.motion.contacts["floor"].tops[:, 0].argmax())]
 
 
 def test_without_contacts_instants_are_the_output_times() -> None:

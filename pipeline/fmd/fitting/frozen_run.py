@@ -298,7 +298,7 @@ class FrozenRun:
 
     def _set_motion(self, run: Pipeline, plan: Plan, trajectory: Trajectory) -> None:
         run.results[Pipeline.motions.name] = {next(iter(self.run.plans)): run.motion_by(plan, trajectory)}
-        run.at_instants = run  # there is no more of the motion than this
+        run.at_instants = run.at_vibrations = run  # there is no more of the motion than this
 
 
 def require_like_meshes(run: Pipeline, other: Pipeline, values: Mapping[Parameter, float]) -> None:

@@ -85,7 +85,7 @@ def find_fatigue(run: Pipeline, output: Fatigue) -> FatigueLife:
     asked = output.model_dump_json(include={"body", "sn", "stress", "findley", "planes", "mean_stress", "count"})
     key = f"fatigue {asked} {_share(output)}"
     if key not in run.results:
-        run.results[key] = _assess(run, output, run.stress_of(output.body), fatigue_law(output))
+        run.results[key] = _assess(run, output, run.at_vibrations.stress_of(output.body), fatigue_law(output))
     found: FatigueLife = run.results[key]
     return found
 
@@ -106,7 +106,7 @@ def lives_at(run: Pipeline, output: Fatigue, nodes: IntArray, stronger: float = 
 
     ``stronger`` is how many times as large a stress the material bears.
     """
-    stress, order = run.stress_of(output.body), np.argsort(nodes)
+    stress, order = run.at_vibrations.stress_of(output.body), np.argsort(nodes)
     places = nodes[order]
     alone = StressHistory(stress.nodes[places], stress.modal[places], stress.times, stress.q)
     damage = np.empty(len(nodes))

@@ -12,6 +12,7 @@ from fmd.accuracy.missed_peaks import UNSOUGHT, MissedPeak, find_missed_peaks, s
 from fmd.core.limits.recovery import APART, MISSED_PEAK
 from fmd.recovery.motion_file import Variable
 from fmd.recovery.stress import von_mises
+from fmd.stages.instants import choose_vibrating, count_vibration_times
 from fmd.stages.point_loads import loaded_points
 
 if TYPE_CHECKING:
@@ -22,7 +23,26 @@ if TYPE_CHECKING:
 def stress_warnings(run: Pipeline, worst: Mapping[str, tuple[float, int, float]]) -> list[dict[str, str]]:
     """Return all warnings about a run's stress, of which each body has a worst time, surface node, and value."""
     nodes = {name: node for name, (_, node, _) in worst.items()}
-    return [*spot_stress_warnings(run), *limitless_warnings(run, worst), *output_time_warnings(run, nodes)]
+    of_times = [*output_time_warnings(run, nodes), *vibration_warnings(run)]
+    return [*spot_stress_warnings(run), *limitless_warnings(run, worst), *of_times]
+
+
+def vibration_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Return a warning where fatigue counts vibrations at some of the instants alone that would resolve them."""
+    if run.at_vibrations is run.at_instants:
+        return []
+    counts, shares = count_vibration_times(run)
+    chosen = choose_vibrating(counts, shares)
+    left = (counts > 0) & ~chosen
+    if not left.any():
+        return []
+    step = _one_digit_below(1e3 * float((np.diff(run.motion.times)[left] / (counts[left] + 1)).min()))
+    text = (
+        f"fatigue counts vibrations between output times in {chosen.sum()} of {(counts > 0).sum()} intervals alone, "
+        f"where they are largest, since all would take {counts.sum()} instants; elsewhere modes vibrate by "
+        f"up to {shares[left].max():.2g} of the largest stress; simulation.output_step = '{step} ms' counts them"
+    )
+    return [{"code": "coarse-output-times", "text": text}]
 
 
 def output_time_warnings(run: Pipeline, worst: Mapping[str, int]) -> list[dict[str, str]]:

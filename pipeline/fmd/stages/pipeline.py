@@ -45,9 +45,6 @@ if TYPE_CHECKING:
     from fmd.stages.stiffening_check import StiffeningLoads
 
 
-# Computations of the stages; what they need of heavy packages is loaded here.
-
-
 def _has_pieces(run: Pipeline) -> bool:
     return run.scene.moves and bool(run.scene.pieces)
 
@@ -297,8 +294,7 @@ class Pipeline:
         first = motion or self.motion
         if body in self.division.divided:
             return self.division.divided[body].stress(first)
-        part = self.parts[body]
-        limitless, own = self.limitless_of(body), self.contact_deformation(body, first)
+        part, limitless, own = self.parts[body], self.limitless_of(body), self.contact_deformation(body, first)
         history = StressHistory(part.surface.nodes, part.surface_stress, first.times, first.modal(body), limitless)
         return history if own is None else own.add_stress(history)
 
@@ -399,16 +395,19 @@ class Pipeline:
 
     @cached_property
     def fine_times(self) -> tuple[Array, IntArray]:
-        """Output times with many more between them [s], which of all are output times: `find_fine_times`."""
-        from fmd.stages.plan import find_fine_times
-
-        found = find_fine_times(next(iter(self.plans.values())), self.motion)
-        return import_module("fmd.stages.instants").add_shock_times(self, found[0]) if self.scene.contact else found
+        """Output times with many more between them [s], which of all are output times: `find_all_times`."""
+        found: tuple[Array, IntArray] = import_module("fmd.stages.instants").find_all_times(self)
+        return found
 
     @cached_property
     def at_instants(self) -> Pipeline:
         """The run with its first motion at instants of contacts' shocks, too; itself where output times have these."""
         return import_module("fmd.stages.instants").march_through_shocks(self) if self.scene.contact else self
+
+    @cached_property
+    def at_vibrations(self) -> Pipeline:
+        """The run at instants of shocks and of vibrations whose cycles fatigue counts."""
+        return import_module("fmd.stages.instants").march_through_vibrations(self) if self.scene.output else self
 
     @property
     def motion(self) -> Motion:

@@ -13,8 +13,8 @@ from fmd.core.limits.shown import MOST_BENT, POSES_OF_A_JOINT
 from fmd.integrators.protocol import State, Trajectory
 from fmd.recovery.motion import Motion
 from fmd.recovery.stress import choose_frames
-from fmd.stages.instants import with_motions
 from fmd.stages.loop_closing import close_pose
+from fmd.stages.other_motions import with_motions
 
 if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline

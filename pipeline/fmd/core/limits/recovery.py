@@ -32,6 +32,9 @@ LEAST_FINER = 2  # times as many times there in an interval
 MOST_TIMES_BETWEEN = 65_536  # times there: of more intervals only every n-th one is looked into
 LONG_AGAIN = 2.0  # seconds of a march with contacts that isn't made again for what lies between output times
 MISSED_PEAK = 0.02  # of a largest value, between output times
+TIMES_A_PERIOD = 24  # of a vibration whose cycles of stress count: they leave 0.3 % of its amplitude on average
+INTERVALS_BESIDE = 2  # of outputs on both sides, since a rate at outputs may be small by chance
+VIBRATION_TIMES = 65_536  # times between output times at which cycles are counted, where stress changes most
 
 # Plies.
 INSIDE_PLY = 1e-9  # of a ply's thickness: how far its faces are within, where two plies meet
