@@ -212,6 +212,7 @@ def test_forces_on_frames_and_modes_of_both_are_the_derivative_of_the_potential(
     ("override", "message"),
     [
         ('contact.hit.between=["first.right", "first.left"]', "one body, which can't touch itself"),
+        ('contact.own={ between = ["first.right", "first.left"], normal = [1, 0, 0] }', "one body, which can't touch"),
         ('contact.hit.between=["first.right", "second.left", "second.right"]', "must be two surfaces"),
         ("contact.hit.normal=[1, 0, 0]", "faces of bodies have normals of their own"),
         ("contact.hit.near_field=half-space", "'mesh' works between bodies"),

@@ -85,8 +85,8 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
         if raised := run.parts[body].contact_points.raised:
             text = (
                 f"contact.{name}: the modes of {body} have nearly all of its mesh's flexibility at the face; in "
-                f"{raised:.0%} of its directions some was added, which takes short steps; fewer modes or smaller "
-                f"elements help{rings and f'{rings}, which ring in forces of central differences'}"
+                f"{100 * raised:.2g} % of its directions some was added, which takes short steps; fewer modes or "
+                f"smaller elements help{rings and f'{rings}, which ring in forces of central differences'}"
             )
             found.append({"code": "contact-flexibility", "text": text})
         depth, why = _unseen_depth(run, name, body, face) if run.scene.contact[name].on_ground else (0.0, "")

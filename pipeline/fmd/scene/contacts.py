@@ -62,6 +62,10 @@ class Contact(SceneTable):
         return given
 
     def _check(self) -> None:
+        first, second = (end.partition(".")[0] for end in self.between)
+        if first == second != "ground":
+            mend = "two bodies, or a plane of the ground, can touch; divide the body, and join its parts"
+            raise FaultError(f"are faces of one body, which can't touch itself; {mend}", "between")
         if self.on_ground and self.normal is None:
             raise FaultError("is missing: the direction out of the ground, such as [0, 0, 1]", "normal")
         if not self.on_ground and self.normal is not None:
@@ -124,9 +128,6 @@ def check_faces(contacts: Mapping[str, Contact], flexible: Collection[str]) -> I
             )
             mend += "rigid one, second"
             yield FaultError(f"must be {mend}", "contact", name, "between")
-        elif first == second:
-            mend = "two bodies, or a plane of the ground, can touch; divide the body, and join its parts"
-            yield FaultError(f"are faces of one body, which can't touch itself; {mend}", "contact", name, "between")
         faces: tuple[Any, ...] = tuple(sorted(end for end in contact.between if end.partition(".")[0] != "ground"))
         if contact.on_ground and second not in flexible:
             faces = *contact.between, contact.normal
