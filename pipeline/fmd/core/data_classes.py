@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import FrozenInstanceError
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-__all__ = ["dataclass"]
+__all__ = ["dataclass", "with_values"]
+
+D = TypeVar("D")
 
 _METHODS = ("__init__", "__repr__", "__eq__", "__hash__")
 
@@ -38,6 +40,14 @@ else:
         if frozen and slots:
             made.__getstate__, made.__setstate__ = _state, _set_state
         return made
+
+
+def with_values(instance: D, **values: Any) -> D:
+    """Return a copy of an instance without slots with other values of some fields, which is not checked again."""
+    made: D = object.__new__(type(instance))
+    own = vars(instance)
+    vars(made).update({each.name: own[each.name] for each in dataclasses.fields(cast(Any, instance))} | values)
+    return made
 
 
 def _parameters(frozen: bool, eq: bool) -> Any:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+from fmd.core.data_classes import with_values
 from fmd.core.joint_kinds import JOINT_CONSTANTS
 from fmd.dynamics.compiler.digest import share_digest
 from fmd.dynamics.mechanism import Mechanism
@@ -45,8 +46,8 @@ def with_joint_numbers(mechanism: Mechanism, scene: Scene) -> Mechanism:
             pairs = [(getattr(link, key), getattr(along, key)) for key in JOINT_CONSTANTS]
             alike = alike and all(bool(before) == bool(now) for before, now in pairs)
             if any(before != now for before, now in pairs):
-                links[number] = replace(link, spring=along.spring, rest=along.rest, damper=along.damper)
-    found = replace(mechanism, links=links)
+                links[number] = with_values(link, spring=along.spring, rest=along.rest, damper=along.damper)
+    found = with_values(mechanism, links=links)  # what is checked of a mechanism stays as it is
     found.share_structure(mechanism)
     if alike:
         share_digest(found, mechanism)

@@ -8,6 +8,7 @@ scene that process had; Dask's local cluster does, but takes seconds to start an
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -22,7 +23,7 @@ from multiprocessing.forkserver import ensure_running
 from typing import TYPE_CHECKING, Any
 
 from fmd.core.errors import InputError
-from fmd.core.limits.memory import POINTS_AT_ONCE
+from fmd.core.limits.memory import ALLOCATIONS, POINTS_AT_ONCE
 from fmd.core.limits.patience import POINT_TRIES, ROUNDS_OF_POINTS
 from fmd.sweep.record import Record, Wanted, interrupted_record
 
@@ -157,6 +158,7 @@ def _serve(connection: Connection) -> None:
     threading.Thread(target=_die_with_parent, daemon=True).start()
     from fmd.sweep.work import compute_points
 
+    gc.set_threshold(ALLOCATIONS)
     connection.send(None)
     while True:
         try:

@@ -59,12 +59,13 @@ def run_sweep(
         The folder can't be written.
     """
     scenes = {point.key: point.scene for point in points if point.scene is not None}
-    kept = {key: read_record(folder / f"{key}.json") for key in scenes}
+    there = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+    kept = {key: read_record(folder / name) for key in scenes if (name := f"{key}.json") in there}
     known = {key: own for key, own in kept.items() if own is not None and not own.lacks(wanted)}
     missing = {key: scene for key, scene in scenes.items() if key not in known}
     folder.mkdir(parents=True, exist_ok=True)
     remove_abandoned(folder, ".*.*.json")
-    had = {key: own for key in missing if (own := kept[key]) is not None}
+    had = {key: own for key in missing if (own := kept.get(key)) is not None}
     with monitor(f"{len(missing)} points") as advance:
         for number, (key, computed) in enumerate(compute(missing) if missing else (), start=1):
             record = computed.with_known(had[key]) if key in had else computed

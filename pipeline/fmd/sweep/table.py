@@ -109,7 +109,8 @@ class SweepTable:
 
         Those of a design are over one dimension ``point`` in place of the keys, whose values are coordinates along it.
         """
-        values = {each.key: axis_values(each) for each in self.sweep.variations}
+        pairs = zip(self.sweep.variations, self._axes, strict=True)
+        values = {each.key: (tuple(own[text] for text in each.values), unit) for each, (_, own, unit) in pairs}
         is_grid = self.sweep.is_grid
         axes = tuple(values) if is_grid else ("point",)
         shape = tuple(len(numbers) for numbers, _ in values.values())[: len(axes)]
