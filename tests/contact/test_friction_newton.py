@@ -11,6 +11,7 @@ from threadpoolctl import ThreadpoolController
 from fmd.contact.half_space import half_space_flexibility
 from fmd.contact.touching_body import ContactPlane, ContactPoints, TouchingBody
 from fmd.core.arrays import Array
+from fmd.core.limits.contact import KNOWN_RESPONSES
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
@@ -32,7 +33,8 @@ def remember(p: Any, t: float, q: Array, v: Array) -> None:
 class Column:
     """A rigid plate on a square foot of n × n points before a half-space of E 1 on a column, which bends and shears."""
 
-    def __init__(self, n: int, height: float) -> None:
+    def __init__(self, n: int, height: float, friction: float = FRICTION) -> None:
+        self.friction = friction
         at = np.arange(n) - 0.5 * (n - 1)
         x = np.stack([*(own.ravel() for own in np.meshgrid(at, at, indexing="ij")), np.zeros(n * n)], axis=1)
         axes = [1, 2, 0]  # the inward normal is z
@@ -46,7 +48,7 @@ class Column:
                 self.G += soft * np.einsum("ia,jb->iajb", u, v)
                 self.G += soft * np.einsum("ia,jb->iajb", v, u) if u is not v else 0.0
         foot = ContactPoints(x, {"foot": np.ones(n * n)}, np.zeros((n * n, 3, 0)), self.G, {"foot": np.arange(n * n)})
-        plane = ContactPlane("floor", np.zeros(3), np.array([0.0, 0.0, 1.0]), FRICTION, "foot")
+        plane = ContactPlane("floor", np.zeros(3), np.array([0.0, 0.0, 1.0]), friction, "foot")
         link = Link("plate", rigid_integrals(1.0, np.zeros(3), np.eye(3)), FREE)
         self.mechanism = Mechanism([link], contacts=[TouchingBody("plate", foot, (plane,))])
         self.system = share_system(self.mechanism)
@@ -65,7 +67,7 @@ class Column:
         D = np.einsum("ika,iajb,jlb->ikjl", c.turned, self.G, c.turned)
         pull = force - (c.free + np.einsum("ikjl,jl->ik", D, force)) / D.max()
         normal, size = np.maximum(0.0, pull[:, 0]), np.linalg.norm(pull[:, 1:], axis=1)
-        share = np.minimum(1.0, FRICTION * normal / np.maximum(size, 1e-300))
+        share = np.minimum(1.0, self.friction * normal / np.maximum(size, 1e-300))
         fault = force - np.column_stack([normal, share[:, None] * pull[:, 1:]])
         remember(p, t, q, v)
         return force, float(np.abs(fault).max() / max(force[:, 0].max(), 1e-300))
@@ -117,6 +119,23 @@ def test_a_foot_that_sticks_takes_no_more_products_once_its_motion_is_known() ->
         assert fault < 1e-8
         known.append(int(column.parameters.contact.n_known[0]))
     assert known[20] == known[-1] <= 13
+
+
+def test_without_friction_nothing_is_solved_once_the_motion_of_the_pressed_points_is_known() -> None:
+    """Gaps of a plane's foot have three combinations; where no more are kept, others take their place."""
+    column, rng, known = Column(8, 1.0, 0.0), np.random.default_rng(6), []
+    c = column.parameters.contact
+    for k in range(20):
+        move = 1e-8 * rng.standard_normal(6) * [1, 1, 1, 1e-3, 1e-3, 1e-3]  # normals are kept for 1e-4
+        _, fault = column.step(SUNK + move[2], move[:2], move[3:])
+        assert fault < 1e-9
+        known.append(int(c.n_pressed[0]))
+        c.n_pressed[0] = KNOWN_RESPONSES if k == 0 else c.n_pressed[0]
+    assert known[:2] == [1, 2]  # for a step's end is looked at twice
+    assert known[6] == known[-1] <= 4
+    rocks = [column.step(SUNK, 0.0, np.array([0.0, 2e-4 * k, 0.0])) for k in range(8)]  # as points open
+    assert max(fault for _, fault in rocks) < 1e-9
+    assert (rocks[-1][0][:, 0] == 0.0).sum() > 8
 
 
 def test_marches_with_contacts_have_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -285,7 +285,9 @@ def _rooms(group: IntArray, counts: IntArray, damping: Array) -> dict[str, Any]:
         "N": np.zeros(ends[-1, 1]),
         "L": np.zeros(ends[-1, 1]),
         "n_factored": np.full(len(counts), -1, dtype=np.int64),
-        "answer": np.zeros(most),
+        **{name: np.zeros(len(counts), dtype=np.int64) for name in ("n_known", "n_pressed")},
+        **{name: np.zeros(most) for name in ("answer", "left")},
+        "known_response": np.zeros(len(counts) * KNOWN_RESPONSES * 2 * most),
         "way": np.zeros((3, 3)),
         "edge": np.zeros((2, 4, 3)),
         "b": np.zeros(int(counts.max())),
@@ -301,16 +303,15 @@ def _friction_rooms(width: IntArray, rubs: bool) -> dict[str, Any]:
     return {
         "P": np.zeros((3 * counts * stride).sum()),
         "M": np.zeros(3 * points * (most + DOUBLES_IN_LINE)),
-        **{name: np.zeros(len(counts), dtype=np.int64) for name in ("inverted", "swept", "n_known")},
+        **{name: np.zeros(len(counts), dtype=np.int64) for name in ("inverted", "swept")},
         **{name: np.zeros(points, dtype=np.int64) for name in ("grip", "grip_then", "place_in")},
         **{name: np.zeros((points, 3)) for name in ("trial", "slack", "step", "settled")},
-        **{name: np.zeros(most) for name in ("left", "held", "response", "right", "mixed")},
+        **{name: np.zeros(most) for name in ("held", "response", "right", "mixed")},
         "steps": np.zeros(NEWTON_ROUNDS * most),
         "pivots": np.zeros(most, dtype=np.int64),
         "lapack": lapack_addresses() if rubs else np.zeros(len(ROUTINES), dtype=np.int64),
         "words": WORDS.copy(),
         "kept": np.full(2, -1, dtype=np.int64),
-        "known_response": np.zeros(len(counts) * KNOWN_RESPONSES * 2 * most),
     }
 
 

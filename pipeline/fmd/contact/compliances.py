@@ -254,22 +254,6 @@ def _set_along_normals(c: ContactTable, g: int) -> None:
 
 
 @inner
-def press_points(c: ContactTable, g: int) -> None:
-    """Find the displacements of chosen points by their normal forces."""
-    size, e = c.stride[g], c.first_entry[g, 0] // 3
-    for k in range(size):
-        c.answer[k] = 0.0
-    for own in range(c.n_chosen[g]):
-        force = c.force[c.chosen[c.group[g] + own], 0]
-        if force != 0.0:
-            row, k, many = e + own * size, 0, fill_vector(force, DOUBLES_IN_LINE)
-            while k < 3 * c.n_chosen[g]:
-                more = many * read_vector(c.E, row + k, DOUBLES_IN_LINE)
-                write_vector(c.answer, k, read_vector(c.answer, k, DOUBLES_IN_LINE) + more)
-                k += DOUBLES_IN_LINE
-
-
-@inner
 def move_points(c: ContactTable, g: int, own: int, f0: float, f1: float, f2: float) -> None:
     """Add the displacements of chosen points by a force on one of them, in its own axes."""
     row = c.first_entry[g, 0] + 3 * own * c.stride[g]

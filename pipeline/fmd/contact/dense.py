@@ -8,8 +8,9 @@ import numpy as np
 
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.code import DOUBLES_IN_LINE
 from fmd.kernels.kernel import inner
-from fmd.kernels.vectors import call_native
+from fmd.kernels.vectors import call_native, fill_vector, read_vector, write_vector
 
 ROUTINES = ("dgetrf", "dgetrs", "dpotrf", "dpotri")
 WORDS = np.array([0, 0, 1, 0, ord("T"), ord("L")], dtype=np.int64)
@@ -78,3 +79,16 @@ def dot(A: Array, one: int, B: Array, other: int, count: int) -> float:
         s0 += A[one + k] * B[other + k]
         k += 1
     return (s0 + s1) + (s2 + s3)
+
+
+@inner
+def add_times(A: Array, one: int, times: float, B: Array, other: int, count: int) -> None:
+    """Add a number times numbers of another array to those of one."""
+    k, many = 0, fill_vector(times, DOUBLES_IN_LINE)
+    while k + DOUBLES_IN_LINE <= count:
+        more = many * read_vector(B, other + k, DOUBLES_IN_LINE)
+        write_vector(A, one + k, read_vector(A, one + k, DOUBLES_IN_LINE) + more)
+        k += DOUBLES_IN_LINE
+    while k < count:
+        A[one + k] += times * B[other + k]
+        k += 1

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from fmd.contact.dense import dot, factor_equations, solve_equations
+from fmd.contact.dense import add_times, dot, factor_equations, solve_equations
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
 from fmd.core.limits.code import DOUBLES_IN_LINE
@@ -158,21 +158,20 @@ def _respond(c: ContactTable, g: int, small: float) -> None:
     """
     n, most = 3 * c.n_chosen[g], c.response.size
     begin = 2 * KNOWN_RESPONSES * most * g
-    if c.n_known[g] == KNOWN_RESPONSES:
-        c.n_known[g] = 0
     for k in range(most):
         c.held[k] = 0.0
     _turn_places(c, g)
     for known in range(c.n_known[g]):
         at = begin + 2 * known * most
         there = dot(c.known_response, at, c.left, 0, n)
-        _add(c, at, -there, n, False)
-        _add(c, at + most, -there, n, True)
+        add_times(c.left, 0, -there, c.known_response, at, n)
+        add_times(c.held, 0, -there, c.known_response, at + most, n)
     size, largest = 0.0, 0.0
     for k in range(n):
         size += c.left[k] ** 2
         largest = max(largest, abs(c.left[k]))
     if largest > small:
+        c.n_known[g], c.n_pressed[g] = c.n_known[g] % KNOWN_RESPONSES, 0
         size = math.sqrt(size)
         at = begin + 2 * c.n_known[g] * most
         for k in range(most):
@@ -184,22 +183,9 @@ def _respond(c: ContactTable, g: int, small: float) -> None:
             _add_rows(c, c.P, g, own, f0, f1, f2, c.response)
         for k in range(n):
             c.known_response[at + most + k] = c.response[k]
-        _add(c, at + most, -size, n, True)
+        add_times(c.held, 0, -size, c.known_response, at + most, n)
         c.n_known[g] += 1
     _turn_places(c, g)
-
-
-@inner
-def _add(c: ContactTable, at: int, times: float, n: int, to_forces: bool) -> None:
-    """Add a known direction to what is left of y, or a known response to the forces of held points."""
-    k, many = 0, fill_vector(times, DOUBLES_IN_LINE)
-    while k < n:
-        more = many * read_vector(c.known_response, at + k, DOUBLES_IN_LINE)
-        if to_forces:
-            write_vector(c.held, k, read_vector(c.held, k, DOUBLES_IN_LINE) + more)
-        else:
-            write_vector(c.left, k, read_vector(c.left, k, DOUBLES_IN_LINE) + more)
-        k += DOUBLES_IN_LINE
 
 
 @inner

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 
-from fmd.contact.compliances import keep_along_normals, press_points
-from fmd.contact.dense import dot
+from fmd.contact.compliances import keep_along_normals
+from fmd.contact.dense import add_times, dot
 from fmd.contact.tables import ContactTable
-from fmd.core.limits.code import DOUBLES_IN_LINE
-from fmd.core.limits.contact import BLOCK_CHANGES, SET_CHANGES, SMALL_FORCE
+from fmd.core.limits.contact import BLOCK_CHANGES, KNOWN_RESPONSES, SET_CHANGES, SMALL_FORCE
 from fmd.kernels.kernel import inner
-from fmd.kernels.vectors import fill_vector, read_vector, write_vector
 
 
 @inner
@@ -27,16 +25,13 @@ def find_normal_forces(c: ContactTable, g: int) -> bool:
         if not _factor_active(c, g):
             return False
         active = c.n_factored[g]
-        for k in range(active):
-            c.b[k] = -c.free[c.chosen[first + c.factored[first + k]], 0]
-        solve_active(c, g)
+        _respond(c, g)
         largest = 0.0
         for own in range(count):
             c.force[c.chosen[first + own], 0] = 0.0
         for k in range(active):
             c.force[c.chosen[first + c.factored[first + k]], 0] = c.b[k]
             largest = max(largest, abs(c.b[k]))
-        press_points(c, g)
         worst, at, wrong = 0.0, -1, 0
         for own in range(count):
             i = c.chosen[first + own]
@@ -60,6 +55,47 @@ def find_normal_forces(c: ContactTable, g: int) -> bool:
 
 
 @inner
+def _respond(c: ContactTable, g: int) -> None:
+    """Find forces on active points into b, and displacements of chosen ones, from those that gaps before these gave.
+
+    Points on a plane stand at few combinations of their body's place, turn and modes, so that after some steps nothing
+    is left to solve for while the same points are active.
+    """
+    n, first, most, square, largest = c.n_factored[g], c.group[g], c.answer.size, 0.0, 0.0
+    begin, moved, row = 2 * KNOWN_RESPONSES * most * g, 3 * c.n_chosen[g], c.first_entry[g, 0] // 3
+    for k in range(moved):
+        c.answer[k], c.left[k] = 0.0, 0.0
+    for k in range(n):
+        c.left[k] = -c.free[c.chosen[first + c.factored[first + k]], 0]
+    for known in range(c.n_pressed[g]):
+        at = begin + 2 * known * most
+        there = dot(c.known_response, at, c.left, 0, n)
+        add_times(c.left, 0, -there, c.known_response, at, n)
+        add_times(c.left, n, there, c.known_response, at + n, n)
+        add_times(c.answer, 0, there, c.known_response, at + most, moved)
+    for k in range(n):
+        c.b[k], square, largest = 0.0, square + c.left[k] ** 2, max(largest, abs(c.left[k]))
+    if largest > c.noise[g]:
+        c.n_known[g], c.n_pressed[g] = 0, c.n_pressed[g] % KNOWN_RESPONSES
+        size, at = math.sqrt(square), begin + 2 * c.n_pressed[g] * most
+        for k in range(n):
+            c.b[k] = c.left[k] / size
+            c.known_response[at + k] = c.b[k]
+        solve_active(c, g)
+        for k in range(moved):
+            c.known_response[at + most + k] = 0.0
+        for k in range(n):
+            c.known_response[at + n + k] = c.b[k]
+            c.b[k] *= size
+            along = row + c.factored[first + k] * c.stride[g]
+            add_times(c.known_response, at + most, c.known_response[at + n + k], c.E, along, moved)
+        add_times(c.answer, 0, size, c.known_response, at + most, moved)
+        c.n_pressed[g] += 1
+    for k in range(n):
+        c.b[k] += c.left[n + k]
+
+
+@inner
 def _factor_active(c: ContactTable, g: int) -> bool:
     """Factor N's rows and columns of active points by Cholesky's method unless that is done; false if it can't be."""
     first, active, same = c.group[g], 0, c.n_factored[g] >= 0
@@ -69,7 +105,7 @@ def _factor_active(c: ContactTable, g: int) -> bool:
             active += 1
     if same and active == c.n_factored[g]:
         return True
-    active = 0
+    active, c.n_pressed[g] = 0, 0
     for own in range(c.n_chosen[g]):
         if c.active[c.chosen[first + own]] == 1:
             c.factored[first + active] = own
@@ -104,11 +140,4 @@ def solve_active(c: ContactTable, g: int) -> None:
         i = count - 1 - back
         row = n + i * size
         c.b[i] /= c.L[row + i]
-        k, many = 0, fill_vector(c.b[i], DOUBLES_IN_LINE)
-        while k + DOUBLES_IN_LINE <= i:
-            less = many * read_vector(c.L, row + k, DOUBLES_IN_LINE)
-            write_vector(c.b, k, read_vector(c.b, k, DOUBLES_IN_LINE) - less)
-            k += DOUBLES_IN_LINE
-        while k < i:
-            c.b[k] -= c.L[row + k] * c.b[i]
-            k += 1
+        add_times(c.b, 0, -c.b[i], c.L, row, i)

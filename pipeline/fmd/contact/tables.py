@@ -192,8 +192,11 @@ class ContactTable(Table):
     held: Array  # (as many): forces if no point moved
     response: Array  # (as many): rows of P, summed up
     mixed: Array  # (as many): rows of a point, summed up
-    known_response: Array  # (n_groups, known ones, 2, as many), flat: directions, and P times them
+    # (n_groups, known ones, 2, as many), flat: directions, and P times them; without friction gaps' directions, what
+    # forces on active points they take, and the displacements by these
+    known_response: Array
     n_known: IntArray  # (n_groups,): how many
+    n_pressed: IntArray  # (n_groups,): how many of those without friction
     L: Array  # factor of the active part of N
     factored: IntArray  # (n,): places of points in it, from the group's first entry on
     n_factored: IntArray  # (n_groups,): how many; -1 if it isn't to be used, -2 if N isn't, either

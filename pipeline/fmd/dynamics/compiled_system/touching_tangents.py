@@ -92,7 +92,7 @@ def states_beside(system: TouchingSystem, directions: Sequence[Any]) -> StatesBe
     for name in CONTACT_NUMBERS:
         x = getattr(contact, name)
         views[name], at = whole[at : at + x.size].reshape(x.shape), at + x.size
-    views |= {name: np.zeros(1) for name in ("D", "N", "L", "P", "M", "known_response")}  # which only the own have
+    views |= {name: np.zeros(1) for name in ("D", "E", "N", "L", "P", "M", "known_response")}  # which only the own have
     n_bodies, n = len(own.origins), system.n
     moving, forces = np.zeros(12 * n_bodies + contact.felt.size), np.zeros(6 * n_bodies + n)
     dforces = np.zeros(LANES * forces.size)
