@@ -97,22 +97,29 @@ def _respond(c: ContactTable, g: int) -> None:
 
 @inner
 def _factor_active(c: ContactTable, g: int) -> bool:
-    """Factor N's rows and columns of active points by Cholesky's method unless that is done; false if it can't be."""
-    first, active, same = c.group[g], 0, c.n_factored[g] >= 0
+    """Factor N's rows and columns of active points by Cholesky's method, from the first that isn't; false if it can't.
+
+    Points that have come to be active follow those that were, whose rows stay up to the first that is so no more.
+    """
+    first, same, active = c.group[g], 0, 0
     for own in range(c.n_chosen[g]):
-        if c.active[c.chosen[first + own]] == 1:
-            same = same and active < c.n_factored[g] and c.factored[first + active] == own
-            active += 1
-    if same and active == c.n_factored[g]:
+        active += c.active[c.chosen[first + own]]
+    while same < c.n_factored[g] and c.active[c.chosen[first + c.factored[first + same]]] == 1:
+        same += 1
+    if same == active and same == c.n_factored[g]:
         return True
-    active, c.n_pressed[g] = 0, 0
+    for k in range(same):
+        c.active[c.chosen[first + c.factored[first + k]]] = 2
+    active = same
     for own in range(c.n_chosen[g]):
-        if c.active[c.chosen[first + own]] == 1:
+        i = c.chosen[first + own]
+        if c.active[i] == 1:
             c.factored[first + active] = own
             active += 1
-    c.n_factored[g] = -1
+        c.active[i] = min(c.active[i], 1)
+    c.n_factored[g], c.n_pressed[g] = -1, 0
     size, n = c.width[g], c.first_entry[g, 1]
-    for i in range(active):
+    for i in range(same, active):
         row = n + c.factored[first + i] * size
         own = n + i * size
         for j in range(i + 1):
