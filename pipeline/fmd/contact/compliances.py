@@ -251,24 +251,3 @@ def _set_along_normals(c: ContactTable, g: int) -> None:
             along += c.E[at + 2] * c.normal_then[j, 2]
             c.N[n + own * size + other] = along
             c.N[n + other * size + own] = along
-
-
-@inner
-def move_points(c: ContactTable, g: int, own: int, f0: float, f1: float, f2: float) -> None:
-    """Add the displacements of chosen points by a force on one of them, in its own axes."""
-    row = c.first_entry[g, 0] + 3 * own * c.stride[g]
-    second, third, at = row + c.stride[g], row + 2 * c.stride[g], 0
-    one, two, three = (
-        fill_vector(f0, DOUBLES_IN_LINE),
-        fill_vector(f1, DOUBLES_IN_LINE),
-        fill_vector(f2, DOUBLES_IN_LINE),
-    )
-    while at < 3 * c.n_chosen[g]:
-        moved = read_vector(c.answer, at, DOUBLES_IN_LINE) + one * read_vector(c.D, row + at, DOUBLES_IN_LINE)
-        moved = (
-            moved
-            + two * read_vector(c.D, second + at, DOUBLES_IN_LINE)
-            + three * read_vector(c.D, third + at, DOUBLES_IN_LINE)
-        )
-        write_vector(c.answer, at, moved)
-        at += DOUBLES_IN_LINE

@@ -1,4 +1,4 @@
-"""Dense equations of contacts by LAPACK's routines, which kernels call by their addresses."""
+"""Dense products and equations of contacts, some by LAPACK's routines, which kernels call by their addresses."""
 
 from __future__ import annotations
 
@@ -92,3 +92,31 @@ def add_times(A: Array, one: int, times: float, B: Array, other: int, count: int
     while k < count:
         A[one + k] += times * B[other + k]
         k += 1
+
+
+@inner
+def add_rows(c: ContactTable, X: Array, g: int, own: int, f0: float, f1: float, f2: float, into: Array) -> None:
+    """Add a point's three rows of P or D, times a number each."""
+    k, at, stride = 0, c.first_entry[g, 0] + 3 * own * c.stride[g], c.stride[g]
+    one = fill_vector(f0, DOUBLES_IN_LINE)
+    two, three = fill_vector(f1, DOUBLES_IN_LINE), fill_vector(f2, DOUBLES_IN_LINE)
+    while k < 3 * c.n_chosen[g]:
+        total = read_vector(into, k, DOUBLES_IN_LINE) + one * read_vector(X, at + k, DOUBLES_IN_LINE)
+        total = total + two * read_vector(X, at + stride + k, DOUBLES_IN_LINE)
+        write_vector(into, k, total + three * read_vector(X, at + 2 * stride + k, DOUBLES_IN_LINE))
+        k += DOUBLES_IN_LINE
+
+
+@inner
+def solve_active(c: ContactTable, g: int) -> None:
+    """Solve ``L Lᵀ x = b`` of the active points into b."""
+    count = c.n_factored[g]
+    size, n = c.width[g], c.first_entry[g, 1]
+    for i in range(count):
+        row = n + i * size
+        c.b[i] = (c.b[i] - dot(c.L, row, c.b, 0, i)) / c.L[row + i]
+    for back in range(count):
+        i = count - 1 - back
+        row = n + i * size
+        c.b[i] /= c.L[row + i]
+        add_times(c.b, 0, -c.b[i], c.L, row, i)

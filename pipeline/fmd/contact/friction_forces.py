@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 
-from fmd.contact.compliances import move_points
-from fmd.contact.dense import invert_flexibility
+from fmd.contact.dense import add_rows, invert_flexibility
 from fmd.contact.friction_newton import find_forces_by_newton
 from fmd.contact.tables import ContactTable
 from fmd.core.limits.contact import LATE_SWEEPS, SMALL_FORCE, SWEEPS, SWEEPS_PER_POINT
@@ -144,5 +143,5 @@ def _apply(c: ContactTable, g: int, i: int, own: int, n: float, t1: float, t2: f
         f0 = d0 * c.turned[i, 0, 0] + d1 * c.turned[i, 1, 0] + d2 * c.turned[i, 2, 0]
         f1 = d0 * c.turned[i, 0, 1] + d1 * c.turned[i, 1, 1] + d2 * c.turned[i, 2, 1]
         f2 = d0 * c.turned[i, 0, 2] + d1 * c.turned[i, 1, 2] + d2 * c.turned[i, 2, 2]
-        move_points(c, g, own, f0, f1, f2)
+        add_rows(c, c.D, g, own, f0, f1, f2, c.answer)
     return float(size)

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 
-from fmd.contact.dense import add_times, dot, factor_equations, solve_equations
+from fmd.contact.dense import add_rows, dot, factor_equations, solve_equations
+from fmd.contact.known_responses import respond_to_places, turn_places
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
 from fmd.core.limits.code import DOUBLES_IN_LINE
-from fmd.core.limits.contact import KNOWN_RESPONSES, MOST_CORRECTED, NEWTON_ROUNDS, SLOW_ROUND, SMALL_FORCE, TRIED_RATE
+from fmd.core.limits.contact import MOST_CORRECTED, NEWTON_ROUNDS, SLOW_ROUND, SMALL_FORCE, TRIED_RATE
 from fmd.kernels.kernel import inlined, inner
-from fmd.kernels.vectors import fill_vector, read_vector, write_vector
 
 OPEN, STICKS, SLIPS = 0, 1, 2
 
@@ -34,7 +34,7 @@ def find_forces_by_newton(c: ContactTable, g: int, least: float) -> bool:
     for own in range(count):
         largest = max(largest, c.force[c.chosen[c.group[g] + own], 0])
     _note_states(c, g, largest == 0.0)
-    _turn_places(c, g)
+    turn_places(c, g)
     responded, anew, changed, flexible, kept = False, True, False, False, 0
     for _ in range(NEWTON_ROUNDS):
         closed, loose = 0, 0
@@ -46,7 +46,7 @@ def find_forces_by_newton(c: ContactTable, g: int, least: float) -> bool:
         anew = anew or flexible != (c.inverted[g] != 1 or closed < loose)
         flexible = c.inverted[g] != 1 or closed < loose
         if not (flexible or responded):
-            _respond(c, g, SMALL_FORCE * largest * least + c.noise[g])
+            respond_to_places(c, g, SMALL_FORCE * largest * least + c.noise[g])
             responded = True
         if anew:
             _begin(c, g, flexible)
@@ -137,70 +137,6 @@ def _rate(c: ContactTable, g: int, own: int) -> float:
     return float(soft)
 
 
-@inner
-def _turn_places(c: ContactTable, g: int) -> None:
-    """Turn where points stand into own axes."""
-    for k in range(c.left.size):
-        c.left[k] = 0.0
-    for own in range(c.n_chosen[g]):
-        i = c.chosen[c.group[g] + own]
-        for k in range(3):
-            for a in range(3):
-                c.left[3 * own + k] += c.turned[i, a, k] * c.free[i, a]
-
-
-@inner
-def _respond(c: ContactTable, g: int, small: float) -> None:
-    """Find ``−P y`` from what is known of P, and what is left of y by a product with P, which is then known, too.
-
-    Points that stick on a plane stand at few combinations of their body's place, turn and modes, so that after some
-    steps nothing is left.
-    """
-    n, most = 3 * c.n_chosen[g], c.response.size
-    begin = 2 * KNOWN_RESPONSES * most * g
-    for k in range(most):
-        c.held[k] = 0.0
-    _turn_places(c, g)
-    for known in range(c.n_known[g]):
-        at = begin + 2 * known * most
-        there = dot(c.known_response, at, c.left, 0, n)
-        add_times(c.left, 0, -there, c.known_response, at, n)
-        add_times(c.held, 0, -there, c.known_response, at + most, n)
-    size, largest = 0.0, 0.0
-    for k in range(n):
-        size += c.left[k] ** 2
-        largest = max(largest, abs(c.left[k]))
-    if largest > small:
-        c.n_known[g], c.n_pressed[g] = c.n_known[g] % KNOWN_RESPONSES, 0
-        size = math.sqrt(size)
-        at = begin + 2 * c.n_known[g] * most
-        for k in range(most):
-            c.known_response[at + k], c.known_response[at + most + k] = c.left[k] / size, 0.0
-            c.response[k] = 0.0
-        for own in range(c.n_chosen[g]):
-            on = at + 3 * own
-            f0, f1, f2 = c.known_response[on], c.known_response[on + 1], c.known_response[on + 2]
-            _add_rows(c, c.P, g, own, f0, f1, f2, c.response)
-        for k in range(n):
-            c.known_response[at + most + k] = c.response[k]
-        add_times(c.held, 0, -size, c.known_response, at + most, n)
-        c.n_known[g] += 1
-    _turn_places(c, g)
-
-
-@inner
-def _add_rows(c: ContactTable, X: Array, g: int, own: int, f0: float, f1: float, f2: float, into: Array) -> None:
-    """Add a point's three rows of P or D, times a number each."""
-    k, at, stride = 0, c.first_entry[g, 0] + 3 * own * c.stride[g], c.stride[g]
-    one = fill_vector(f0, DOUBLES_IN_LINE)
-    two, three = fill_vector(f1, DOUBLES_IN_LINE), fill_vector(f2, DOUBLES_IN_LINE)
-    while k < 3 * c.n_chosen[g]:
-        total = read_vector(into, k, DOUBLES_IN_LINE) + one * read_vector(X, at + k, DOUBLES_IN_LINE)
-        total = total + two * read_vector(X, at + stride + k, DOUBLES_IN_LINE)
-        write_vector(into, k, total + three * read_vector(X, at + 2 * stride + k, DOUBLES_IN_LINE))
-        k += DOUBLES_IN_LINE
-
-
 @inlined
 def _first_unknown(c: ContactTable, own: int, flexible: bool) -> int:
     """Return which of a point's forces, or displacements, is its first unknown; 3 without."""
@@ -249,9 +185,9 @@ def _move(c: ContactTable, g: int, flexible: bool) -> None:
         f1 = c.turned[i, 0, 1] * s0 + c.turned[i, 1, 1] * s1 + c.turned[i, 2, 1] * s2
         f2 = c.turned[i, 0, 2] * s0 + c.turned[i, 1, 2] * s1 + c.turned[i, 2, 2] * s2
         if (f0 != 0.0 or f1 != 0.0 or f2 != 0.0) and flexible:
-            _add_rows(c, c.D, g, own, f0, f1, f2, c.response)
+            add_rows(c, c.D, g, own, f0, f1, f2, c.response)
         elif f0 != 0.0 or f1 != 0.0 or f2 != 0.0:
-            _add_rows(c, c.P, g, own, f0, f1, f2, c.response)
+            add_rows(c, c.P, g, own, f0, f1, f2, c.response)
     for own in range(c.n_chosen[g]):
         i = c.chosen[c.group[g] + own]
         for a in range(3):
@@ -364,7 +300,7 @@ def _write_rows(
                 r[0, k] += of_all[a, b] * c.turned[i, b, k]
         for k in range(c.mixed.size):
             c.mixed[k] = 0.0
-        _add_rows(c, X, g, own, r[0, 0], r[0, 1], r[0, 2], c.mixed)
+        add_rows(c, X, g, own, r[0, 0], r[0, 1], r[0, 2], c.mixed)
         row = (c.place_in[own] + a - first) * width
         for other in range(c.n_chosen[g]):
             left = _first_unknown(c, other, flexible)

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from fmd.contact.dense import solve_active
 from fmd.contact.nodes import n_nodes_below
-from fmd.contact.normal_forces import solve_active
 from fmd.contact.places import place_surface
 from fmd.contact.pushes import push_at_point
 from fmd.contact.round_laws import DEPTH, LOAD, POWER

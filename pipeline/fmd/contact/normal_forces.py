@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 from fmd.contact.compliances import keep_along_normals
-from fmd.contact.dense import add_times, dot
+from fmd.contact.dense import dot
+from fmd.contact.known_responses import respond_to_gaps
 from fmd.contact.tables import ContactTable
-from fmd.core.limits.contact import BLOCK_CHANGES, KNOWN_RESPONSES, SET_CHANGES, SMALL_FORCE
+from fmd.core.limits.contact import BLOCK_CHANGES, SET_CHANGES, SMALL_FORCE
 from fmd.kernels.kernel import inner
 
 
@@ -25,7 +26,7 @@ def find_normal_forces(c: ContactTable, g: int) -> bool:
         if not _factor_active(c, g):
             return False
         active = c.n_factored[g]
-        _respond(c, g)
+        respond_to_gaps(c, g)
         largest = 0.0
         for own in range(count):
             c.force[c.chosen[first + own], 0] = 0.0
@@ -52,47 +53,6 @@ def find_normal_forces(c: ContactTable, g: int) -> bool:
         if change >= BLOCK_CHANGES:
             c.active[at] = 1 - c.active[at]
     return False
-
-
-@inner
-def _respond(c: ContactTable, g: int) -> None:
-    """Find forces on active points into b, and displacements of chosen ones, from those that gaps before these gave.
-
-    Points on a plane stand at few combinations of their body's place, turn and modes, so that after some steps nothing
-    is left to solve for while the same points are active.
-    """
-    n, first, most, square, largest = c.n_factored[g], c.group[g], c.answer.size, 0.0, 0.0
-    begin, moved, row = 2 * KNOWN_RESPONSES * most * g, 3 * c.n_chosen[g], c.first_entry[g, 0] // 3
-    for k in range(moved):
-        c.answer[k], c.left[k] = 0.0, 0.0
-    for k in range(n):
-        c.left[k] = -c.free[c.chosen[first + c.factored[first + k]], 0]
-    for known in range(c.n_pressed[g]):
-        at = begin + 2 * known * most
-        there = dot(c.known_response, at, c.left, 0, n)
-        add_times(c.left, 0, -there, c.known_response, at, n)
-        add_times(c.left, n, there, c.known_response, at + n, n)
-        add_times(c.answer, 0, there, c.known_response, at + most, moved)
-    for k in range(n):
-        c.b[k], square, largest = 0.0, square + c.left[k] ** 2, max(largest, abs(c.left[k]))
-    if largest > c.noise[g]:
-        c.n_known[g], c.n_pressed[g] = 0, c.n_pressed[g] % KNOWN_RESPONSES
-        size, at = math.sqrt(square), begin + 2 * c.n_pressed[g] * most
-        for k in range(n):
-            c.b[k] = c.left[k] / size
-            c.known_response[at + k] = c.b[k]
-        solve_active(c, g)
-        for k in range(moved):
-            c.known_response[at + most + k] = 0.0
-        for k in range(n):
-            c.known_response[at + n + k] = c.b[k]
-            c.b[k] *= size
-            along = row + c.factored[first + k] * c.stride[g]
-            add_times(c.known_response, at + most, c.known_response[at + n + k], c.E, along, moved)
-        add_times(c.answer, 0, size, c.known_response, at + most, moved)
-        c.n_pressed[g] += 1
-    for k in range(n):
-        c.b[k] += c.left[n + k]
 
 
 @inner
@@ -133,18 +93,3 @@ def _factor_active(c: ContactTable, g: int) -> bool:
                 return False
     c.n_factored[g] = active
     return True
-
-
-@inner
-def solve_active(c: ContactTable, g: int) -> None:
-    """Solve ``L Lᵀ x = b`` of the active points into b."""
-    count = c.n_factored[g]
-    size, n = c.width[g], c.first_entry[g, 1]
-    for i in range(count):
-        row = n + i * size
-        c.b[i] = (c.b[i] - dot(c.L, row, c.b, 0, i)) / c.L[row + i]
-    for back in range(count):
-        i = count - 1 - back
-        row = n + i * size
-        c.b[i] /= c.L[row + i]
-        add_times(c.b, 0, -c.b[i], c.L, row, i)
