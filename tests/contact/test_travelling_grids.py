@@ -104,9 +104,10 @@ def test_a_grid_stays_where_its_face_ends_and_a_contact_that_goes_on_is_told(mon
     assert "contact-grid" in {warning["code"] for warning in contact_warnings(run)}
 
 
-def test_a_march_goes_on_from_a_state_whose_grid_has_travelled() -> None:
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_a_march_goes_on_from_a_state_whose_grid_has_travelled(friction: float) -> None:
     """Flexibilities about a place follow from the place, so that the motion is that of one march to round-off."""
-    run = rolling_ball(0.5, 50.0, 0.2e-3)
+    run = rolling_ball(0.5, 50.0, 0.1e-3, f"contact.floor.friction={friction}")
     (plan,) = run.plans.values()
     method, times = plan.integrator, run.output_times
     first = method.march(plan.system, *plan.start, times[: len(times) // 2])

@@ -48,12 +48,12 @@ def contact_table(
         **_surfaces(surfaces, contact, point, bodies),
         **_points(surfaces, counts, first, bodies),
         **lattices(grids, len(surfaces), int(first[-1])),
+        **_rooms(group, width, np.array([own.of.damping for own in surfaces])[np.searchsorted(point, group[:-1])]),
     }
     table = ContactTable(
         **arrays,
         travel=travelling_function(grids, arrays),
         **_triangles(surfaces, first),
-        **_rooms(group, width, np.array([own.of.damping for own in surfaces])[np.searchsorted(point, group[:-1])]),
         **_friction_rooms(width, any(own.of.friction and not own.of.law for own in surfaces)),
         **_results(bodies, links, n_links, n),
     )

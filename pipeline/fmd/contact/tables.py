@@ -9,8 +9,10 @@ from fmd.core.limits.contact import MOST_POINTS, ROUNDED_PLACE
 from fmd.kernels.table import Table
 from fmd.kernels.vectors import call_native
 
-MOVED = ("asked", "middle", "along", "lag", "cells", "x", "shapes", "yields", "G", "supple", "box", "reach", "border")
-"""Arrays that what moves such a grid takes and changes."""
+_PLACED = "middle", "along", "lag", "cells", "x"
+_FOLLOWING = "shapes", "yields", "G", "supple", "box", "reach", "border", "slot", "n_chosen"
+MOVED = ("asked", *_PLACED, *_FOLLOWING)
+"""Arrays that what moves such a grid takes and changes: all others follow from where its points are."""
 
 _LAST = "known", "tip", "before", "slid", "moved_then", "elastic_then", "viscous_then", "seen"
 _OF_ROUND = "dent_then", "drag_then", "tangent_then", "touched_then", "gap_then", "speed_then", "soft_then"
@@ -266,17 +268,17 @@ class ContactTable(Table):
 
     def recall(self, memory: Array) -> None:
         """Go on from the memory of another march."""
+        x = self.x.copy()
         for own, kept in zip(self._remembered, np.split(memory, self._ends), strict=True):
             own[:] = kept.reshape(own.shape)
         self.room[:] = -1.0
-        for s in np.flatnonzero(self.per_slope.any(axis=1)):
+        for s in np.flatnonzero(self.per_slope.any(axis=1) & (self.x != x).any()):
             self.asked[:] = s, np.nan, np.nan
             call_native(self.travel, tuple(getattr(self, name) for name in MOVED))
 
     @property
     def _remembered(self) -> tuple[Array | IntArray, ...]:
-        more = ("middle", "along", "lag", "cells", "x") if self.travel else ()
-        return tuple(getattr(self, name) for name in (*REMEMBERED, *more))
+        return tuple(getattr(self, name) for name in (*REMEMBERED, *(_PLACED if self.travel else ())))
 
     @property
     def _ends(self) -> IntArray:

@@ -36,9 +36,9 @@ def travel(c: ContactTable, rotations: Array) -> None:
             far = abs(c.asked[1] - c.lag[s, 0]) > GRID_LAG or abs(c.asked[2] - c.lag[s, 1]) > GRID_LAG
             if far:
                 c.asked[0] = s
-                changed = (c.x, c.shapes, c.yields, c.G, c.supple, c.box, c.reach, c.border)
-                call_native(c.travel, (c.asked, c.middle, c.along, c.lag, c.cells, *changed))
-                _begin_anew(c, s)
+                following = (c.shapes, c.yields, c.G, c.supple, c.box, c.reach, c.border, c.slot, c.n_chosen)
+                call_native(c.travel, (c.asked, c.middle, c.along, c.lag, c.cells, c.x, *following))
+                _forget(c, s)
 
 
 @inner
@@ -65,8 +65,8 @@ def _find_way(c: ContactTable, s: int, rotations: Array) -> None:
 
 
 @inner
-def _begin_anew(c: ContactTable, s: int) -> None:
-    """Let points that are elsewhere remember nothing, and flexibilities between chosen ones be found again."""
+def _forget(c: ContactTable, s: int) -> None:
+    """Let points that are elsewhere remember nothing."""
     for i in range(c.point[s], c.point[s + 1]):
         if c.cells[c.node[i], 2] == 1:
             if c.force[i, 0] > 0.0:
@@ -75,12 +75,6 @@ def _begin_anew(c: ContactTable, s: int) -> None:
             for a in range(3):
                 c.force[i, a], c.own[i, a], c.moved[i, a], c.known[i, a] = 0.0, 0.0, 0.0, 0.0
         c.placed[c.node[i]] = -1
-    for g in range(c.noise.size):
-        if c.group[g] <= c.point[s] < c.group[g + 1]:
-            for i in range(c.group[g], c.group[g + 1]):
-                c.slot[i] = -1
-            c.n_chosen[g], c.n_factored[g], c.inverted[g], c.swept[g], c.n_known[g] = 0, -2, 0, 0, 0
-            c.kept[0] = -1
 
 
 def travelling_grids(
@@ -125,7 +119,8 @@ def travelling_function(
     shapes = [arrays[name].shape for name in MOVED]
 
     def move(*places: int) -> None:
-        kinds = [ctypes.c_int64 if name in ("cells", "border") else ctypes.c_double for name in MOVED]
+        whole = ("cells", "border", "slot", "n_chosen")
+        kinds = [ctypes.c_int64 if name in whole else ctypes.c_double for name in MOVED]
         v = {name: view_at(*own) for name, *own in zip(MOVED, places, kinds, shapes, strict=True)}
         s = int(v["asked"][0])
         body, grid, nodes, points = grids[s]
@@ -149,6 +144,8 @@ def travelling_function(
         ends = np.stack([x.min(axis=0), x.max(axis=0)])
         v["box"][s] = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
         v["reach"][s, 0] = np.sqrt((v["shapes"][nodes] ** 2).sum(axis=(1, 2))).max(initial=0.0)
+        v["slot"][points] = -1  # D, and P of all points, are of G before
+        v["n_chosen"][np.searchsorted(arrays["group"], points.start)] = 0
 
     function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(MOVED))(move)
     next(iter(grids.values()))[1].functions.append(function)
