@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.accuracy.missed_peaks import stress_variable
 from fmd.core.cache import Cache
 from fmd.core.limits.contact import SHOCK_TIMES
 from fmd.output.instants import choose_instants
 from fmd.output.pictures import draw_film, draw_stress
 from fmd.output.report.view3d import collect_view
 from fmd.output.stress_fields import fatigue_law, find_fatigue
-from fmd.output.stress_warnings import vibration_warnings
+from fmd.output.stress_warnings import output_time_warnings, vibration_warnings
 from fmd.output.summary import summarise
 from fmd.recovery.fatigue import fatigue_by_signed_von_mises
 from fmd.recovery.motion import Motion
@@ -130,6 +131,17 @@ def test_pictures_films_and_the_report_show_the_instant_of_the_shock(coarse: Pip
     assert summary["worst_stress"]["plate"]["value_pa"] == value
     assert summary["worst_stress"]["plate"]["time_s"] == time
     assert not [own for own in summary["warnings"] if own["code"] == "coarse-output-times"]
+
+
+def test_a_shock_whose_instants_are_known_is_no_missed_peak(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stress of the finer march has what the contact deforms beside the modes, as that of the instants has."""
+    monkeypatch.setattr("fmd.stages.plan.LONG_AGAIN", np.inf)
+    run = drop("20 us")
+    time, node, value = run.stress_of("plate").worst()
+    fine = run.fine_motion
+    finer = stress_variable(run, "plate", node, fine).values
+    assert finer[np.abs(fine.times - time).argmin()] == pytest.approx(value, rel=1e-6)
+    assert output_time_warnings(run, {"plate": node}) == []
 
 
 BARE = SCENE.partition("[[output]]")[0]

@@ -17,6 +17,7 @@ from fmd.core.data_classes import dataclass
 from fmd.core.limits.recovery import MISSED_PEAK
 from fmd.recovery.motion_file import OF_FORMULA, Variable
 from fmd.recovery.stress import von_mises
+from fmd.stages.other_motions import with_motions
 from fmd.stages.plan import is_long_again
 
 if TYPE_CHECKING:
@@ -158,6 +159,8 @@ def largest_between(run: Pipeline) -> dict[str, float]:
 
 def stress_variable(run: Pipeline, body: str, node: int, motion: Motion) -> Variable:
     """Return a body's von Mises stress at a surface node over time, under the name of its largest one's row."""
+    if motion is not run.motion and motion.mechanism.contacts:  # what these deform beside modes counts, too
+        run = with_motions(run, {next(iter(run.motions)): motion})
     stress = run.stress_of(body, motion)
     values = von_mises((stress.modal[node] @ stress.q.T)[None])[0]
     return Variable(f"{body}, {EXTREMES['von Mises']}", values, (), "Pa", "")

@@ -233,7 +233,7 @@ def _answers(summary: dict[str, Any]) -> list[str]:
         where = f" in {stress['body']}" if len(summary.get("bodies", ())) > 1 else ""
         when = f"at t = {scaled(stress['time_s'], 's')}"
         line = f"largest von Mises stress {largest_stress(summary)}{where} {when}"
-        if "peak_tip_deflection_m" in summary:
+        if summary.get("peak_tip_deflection_m"):  # none of a tip at a body's own joint
             line += f"; largest tip deflection {largest_deflection(summary)}"
         lines.append(line)
     if "periodic" in summary:
