@@ -116,9 +116,18 @@ def test_a_body_with_many_points_is_set_down(monkeypatch: pytest.MonkeyPatch) ->
     np.testing.assert_allclose(found[0], expected[0], rtol=0.0, atol=1e-12 * np.abs(expected).max())
 
 
-def test_more_points_at_once_than_there_is_room_for_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    few = with_few(block(), "block", 8, monkeypatch)
-    with pytest.raises(StabilityError, match="more than 1000 points come near at once"):
+@pytest.mark.parametrize(
+    ("damping", "remedy"),
+    [
+        ("0 us", "; a smaller face or larger elements help"),
+        ("0.5 us", ", with damping all before a plane; a smaller face, larger elements or no damping helps"),
+    ],
+)
+def test_more_points_at_once_than_there_is_room_for_are_refused(
+    damping: str, remedy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = with_few(block(f'contact.floor.damping="{damping}"'), "block", 8, monkeypatch)
+    with pytest.raises(StabilityError, match=f"more than 1000 points come near at once{remedy}"):
         _ = few.motion
 
 

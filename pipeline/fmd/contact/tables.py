@@ -235,10 +235,10 @@ class ContactTable(Table):
                 "shorter step, helps"
             )
         if self.clock[1] == 3.0:
-            return (
-                f"more than {MOST_POINTS} points come near at once, with damping all before a plane; a smaller face, "
-                "larger elements or no damping helps"
-            )
+            near = f"more than {MOST_POINTS} points come near at once"
+            if self.damping.any():
+                return f"{near}, with damping all before a plane; a smaller face, larger elements or no damping helps"
+            return f"{near}; a smaller face or larger elements help"
         if self.clock[1] == 4.0:
             return "the flexibility of points that came near wasn't found, as told before"
         remedy = "modes.enrich = 'none', a shorter step or less friction helps"
