@@ -6,6 +6,7 @@ from functools import reduce
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.limits.mesh import FACE_IN_PLANE, NEAREST_ELEMENTS, NODES_ON_EDGE, SHARP_ANGLE
@@ -128,8 +129,6 @@ def locate_points(space: Discretisation, points: Array) -> tuple[IntArray, Array
 
     They are found by Newton's method, and are within the reference cell, (n, 3).
     """
-    from scipy.spatial import cKDTree
-
     corners, geometry = space.corner_coordinates, space.kind.geometry
     count = min(NEAREST_ELEMENTS, len(corners))
     near = np.asarray(cKDTree(corners.mean(axis=1)).query(points, k=count)[1]).reshape(len(points), count)
