@@ -132,6 +132,16 @@ def test_pieces_lower_the_error_as_the_warning_says(tmp_path: Any) -> None:
     assert np.linalg.norm(place - [x, 0.0, y]) < 2 * TOO_LARGE * np.hypot(x - 1, y)
 
 
+def test_a_strip_that_is_drawn_out_is_told_of_its_strain_which_no_pieces_lower(tmp_path: Any) -> None:
+    load = 0.08 * MODULUS * WIDTH * DEPTH
+    drawn = STRIP.replace("[0, 0, 1]", "[1, 0, 0]").replace("FORCE", repr(load)).replace("STIFFENING", "off")
+    (tmp_path / "drawn.toml").write_text(drawn.replace("steady", "equilibrium"))
+    (warning,) = deflection_warnings(Pipeline(load_scene(tmp_path / "drawn.toml")))
+    assert "strained by up to 8 %" in warning["text"]
+    assert "off by about 2 %" in warning["text"]
+    assert "pieces don't" in warning["text"]
+
+
 def test_the_largest_length_of_fields_is_that_at_all_points_and_times() -> None:
     rng = np.random.default_rng(5)
     for _ in range(60):

@@ -91,17 +91,25 @@ def deflection_warnings(run: Pipeline) -> list[dict[str, str]]:
         found = [run.deformations[part.name] for part in run.pieces_of(body)]
         others = max(error_in_frame(run, part.name) for part in run.pieces_of(body))
         of_tip = error if body == tip else 0.0
-        turned, now = math.degrees(max(deformation.rotation for deformation in found)), len(found)
         tips = f"the tip's deflection is off by about {100 * of_tip:.2g} %, mostly along the body; " if of_tip else ""
-        within = "its frame" if now == 1 else f"the frames of its {now} pieces"
-        pieces = count_pieces(error, now, 4 if now > 1 and is_of_second_order(run, body) else 2)
-        remedy = f"pieces = {pieces} in place of {now}" if now > 1 else f"pieces = {pieces} of [body.{body}]"
-        if not run.wholes[body].has_mesh:
-            remedy = f"a body with a mesh, cut into {pieces} pieces,"
-        text = (
-            f"{body} turns by up to {turned:.3g}° within {within}, where deformation is linear: {tips}sizes, stress, "
-            f"joints and energies are off by about {100 * others:.2g} %; {remedy} lowers this to {100 * TOO_LARGE:g} %"
-        )
+        off = f"{tips}sizes, stress, joints and energies are off by about {100 * others:.2g} %"
+        strain, now = max(deformation.strain for deformation in found), len(found)
+        if 2 * OF_LARGEST_STRAIN * strain > error:
+            text = (
+                f"{body} is strained by up to {100 * strain:.3g} %, where deformation is linear: {off}; smaller loads "
+                "or a stiffer material lower this, pieces don't"
+            )
+        else:
+            turned = math.degrees(max(deformation.rotation for deformation in found))
+            within = "its frame" if now == 1 else f"the frames of its {now} pieces"
+            pieces = count_pieces(error, now, 4 if now > 1 and is_of_second_order(run, body) else 2)
+            remedy = f"pieces = {pieces} in place of {now}" if now > 1 else f"pieces = {pieces} of [body.{body}]"
+            if not run.wholes[body].has_mesh:
+                remedy = f"a body with a mesh, cut into {pieces} pieces,"
+            text = (
+                f"{body} turns by up to {turned:.3g}° within {within}, where deformation is linear: {off}; {remedy} "
+                f"lowers this to {100 * TOO_LARGE:g} %"
+            )
         warnings.append({"code": "large-deflection", "body": body, "text": text})
     return warnings
 

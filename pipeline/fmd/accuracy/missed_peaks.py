@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 UNSOUGHT = {
     "code": "coarse-output-times",
-    "text": "peaks between output times weren't looked for, for which the motion is marched again; a shorter "
-    "simulation.output_step shows more of them",
+    "text": "peaks between output times, but for contacts' largest forces and what fatigue counts, weren't looked for, "
+    "for which the motion is marched again; a shorter simulation.output_step shows more of them",
 }
 """Warning where a march with contacts would take long again."""
 

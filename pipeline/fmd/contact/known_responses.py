@@ -1,4 +1,4 @@
-"""What points that stay closed have answered, by directions of where they stand, so that less is to be solved for.
+"""Forces and displacements that closed points have answered to gaps in some directions, which needn't be solved again.
 
 Points on a plane stand at few combinations of their body's place, turn and modes: after some steps nothing is left.
 """
