@@ -38,7 +38,7 @@ NEEDED: list[tuple[type, tuple[str, ...]]] = [
         ("note_contacts", "remember_contacts", "remember_found", "contact_forces", "set_impulses", "is_pressed"),
     ),
     (TouchingTangentParameters, ("note_contacts", "remember_contacts", "remember_found", "change_pushes")),
-    (ContactsAhead, ("answer_contacts", "remember_answered")),
+    (ContactsAhead, ("answer_contacts", "answer_remembered", "remember_answered")),
 ]
 SYSTEMS = (
     ClosedParameters,

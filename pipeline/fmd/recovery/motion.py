@@ -51,7 +51,8 @@ class Motion:
     def at(self, chosen: slice | IntArray) -> Motion:
         """Return the motion at chosen output times, by their numbers."""
         t = self.trajectory
-        part = replace(t, times=t.times[chosen], q=t.q[chosen], v=t.v[chosen], contacts=t.contacts[chosen])
+        contacts = t.contacts[chosen] if len(t.contacts) else t.contacts  # not every march without any has rows
+        part = replace(t, times=t.times[chosen], q=t.q[chosen], v=t.v[chosen], contacts=contacts)
         return replace(self, trajectory=part)
 
     def parts(self) -> Iterator[tuple[int, Motion]]:
