@@ -116,7 +116,7 @@ def travelling_function(
     """
     if not grids:
         return 0
-    shapes = [arrays[name].shape for name in MOVED]
+    shapes, group = [arrays[name].shape for name in MOVED], arrays["group"]  # what is kept keeps no table
 
     def move(*places: int) -> None:
         whole = ("cells", "border", "slot", "n_chosen")
@@ -145,7 +145,7 @@ def travelling_function(
         v["box"][s] = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
         v["reach"][s, 0] = np.sqrt((v["shapes"][nodes] ** 2).sum(axis=(1, 2))).max(initial=0.0)
         v["slot"][points] = -1  # D, and P of all points, are of G before
-        v["n_chosen"][np.searchsorted(arrays["group"], points.start)] = 0
+        v["n_chosen"][np.searchsorted(group, points.start)] = 0
 
     function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(MOVED))(move)
     next(iter(grids.values()))[1].functions.append(function)
