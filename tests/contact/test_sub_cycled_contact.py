@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline
+from fmd.core.arrays import Array
 from fmd.recovery.motion import Motion
 from tests.contact.test_contact_in_mechanisms import FALLING, arm, closed
 from tests.contact.test_contact_points import block
@@ -74,16 +75,21 @@ def test_output_times_do_not_change_the_steps_through_a_shock() -> None:
     np.testing.assert_allclose(one.contacts["stop"].impulse[::200], impulse, rtol=0.0, atol=1e-6 * impulse.max())
 
 
-def test_a_march_goes_on_from_the_middle_of_a_shock() -> None:
-    run = arm(f"simulation.step={STEP}", *FALLING, *SUB_CYCLED)
+def march_in_two_parts(run: Pipeline) -> tuple[Array, Array]:
+    """Return the coordinates of the second half of a run, marched on from the first, and those of the whole march."""
     (plan,) = run.plans.values()
     method, times = plan.integrator, run.output_times
     first = method.march(plan.system, *plan.start, times[: len(times) // 2])
     second = method.resume(plan.system, first.end, times)  # type: ignore[attr-defined]
     later = np.isfinite(second.q[:, 0])
     assert 0.3 < later.mean() < 0.6
-    q = run.motion.trajectory.q
-    np.testing.assert_allclose(second.q[later], q[later], rtol=0.0, atol=1e-5 * np.abs(q).max())
+    return second.q[later], run.motion.trajectory.q[later]
+
+
+def test_a_march_goes_on_from_the_middle_of_a_shock() -> None:
+    run = arm(f"simulation.step={STEP}", *FALLING, *SUB_CYCLED)
+    second, whole = march_in_two_parts(run)
+    np.testing.assert_allclose(second, whole, rtol=0.0, atol=1e-5 * np.abs(run.motion.trajectory.q).max())
 
 
 def test_vibrations_in_place_of_a_cycle_of_slow_modes_keep_the_step_of_a_shock() -> None:
