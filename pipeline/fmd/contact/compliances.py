@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 
+from fmd.contact.dense import add_rows
 from fmd.contact.nodes import n_nodes_below
 from fmd.contact.tables import ContactTable
-from fmd.core.limits.code import DOUBLES_IN_LINE
+from fmd.core.arrays import Array
 from fmd.core.limits.contact import STIFF_BELOW, TURNED_BLOCKS, TURNED_NORMALS, WIDER_BAND
 from fmd.kernels.kernel import inner
-from fmd.kernels.vectors import call_native, fill_vector, read_vector, write_vector
+from fmd.kernels.vectors import call_native
 
 
 @inner
@@ -228,7 +229,7 @@ def _add_turned(c: ContactTable, i: int, j: int, left: bool, right: bool, sign: 
 @inner
 def _set_along_normals(c: ContactTable, g: int) -> None:
     first, count, stride = c.group[g], c.n_chosen[g], c.stride[g]
-    size, d, n, e = c.width[g], c.first_entry[g, 0], c.first_entry[g, 1], c.first_entry[g, 0] // 3
+    size, n, e = c.width[g], c.first_entry[g, 1], c.first_entry[g, 0] // 3
     c.n_factored[g] = -1
     for own in range(count):
         i = c.chosen[first + own]
@@ -236,15 +237,11 @@ def _set_along_normals(c: ContactTable, g: int) -> None:
             c.normal_then[i, k] = c.turned[i, 0, k]
     for own in range(count):
         i = c.chosen[first + own]
-        row, at, k = e + own * stride, d + 3 * own * stride, 0
-        one, two = fill_vector(c.normal_then[i, 0], DOUBLES_IN_LINE), fill_vector(c.normal_then[i, 1], DOUBLES_IN_LINE)
-        three = fill_vector(c.normal_then[i, 2], DOUBLES_IN_LINE)
-        while k < 3 * count:
-            total = one * read_vector(c.D, at + k, DOUBLES_IN_LINE)
-            total = total + two * read_vector(c.D, at + stride + k, DOUBLES_IN_LINE)
-            total = total + three * read_vector(c.D, at + 2 * stride + k, DOUBLES_IN_LINE)
-            write_vector(c.E, row + k, total)
-            k += DOUBLES_IN_LINE
+        row = e + own * stride
+        for k in range(stride):
+            c.E[row + k] = 0.0
+        along_normal: Array = c.E[row:]
+        add_rows(c, c.D, g, own, c.normal_then[i, 0], c.normal_then[i, 1], c.normal_then[i, 2], along_normal)
         for other in range(own + 1):
             j, at = c.chosen[first + other], row + 3 * other
             along = c.E[at] * c.normal_then[j, 0] + c.E[at + 1] * c.normal_then[j, 1]
